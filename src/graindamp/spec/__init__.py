@@ -1,0 +1,1 @@
+"""Descriptions: what a person writes, frozen and validated. One module per thing described."""

@@ -1,0 +1,130 @@
+"""The common ground of all descriptions, and the reading of a TOML file into one."""
+
+import difflib
+import tomllib
+import types
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from graindamp.errors import InputError
+
+
+class Spec(BaseModel):
+    """A frozen description. The text under a field is its help everywhere and states unit and range."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_nearest_key(cls, data: Any) -> Any:
+        """Reject unknown keys with the nearest valid one; pydantic alone would only say that they are not permitted."""
+        if not isinstance(data, Mapping):
+            return data
+        allowed = list(cls.model_fields)
+        unknown = [str(key) for key in data if key not in cls.model_fields]
+        if unknown:
+            raise PydanticCustomError("unknown_key", "{text}", {"text": _unknown_keys(unknown, allowed, data)})
+        return data
+
+
+def _unknown_keys(unknown: list[str], allowed: list[str], data: Mapping[str, Any]) -> str:
+    lines = []
+    for key in unknown:
+        near = difflib.get_close_matches(key, allowed, n=1, cutoff=0.5)
+        hint = f"; nearest valid key is '{near[0]}'" if near else ""
+        lines.append(f"unknown key '{key}' (given {_short(data[key])}){hint}")
+    return "; ".join(lines) + f"; allowed keys: {', '.join(allowed)}"
+
+
+AnySpec = TypeVar("AnySpec", bound=Spec)
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Tables of a TOML file.
+
+    Raises:
+        InputError: the file cannot be opened or is not TOML, with line and column.
+    """
+    try:
+        with open(path, "rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be opened ({error.strerror})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f'{path}: not a TOML file: {error}. Text needs quotes: length = "1.8 m"') from None
+
+
+def load_spec(path: str | Path, kind: type[AnySpec]) -> AnySpec:
+    """Description of type `kind` read from a TOML file; paths in it stay as written.
+
+    Raises:
+        InputError: with file, key, what was given, what is allowed and the nearest valid key.
+    """
+    return parse_spec(read_toml(path), kind, where=str(path))
+
+
+def parse_spec(data: Mapping[str, Any], kind: type[AnySpec], where: str) -> AnySpec:
+    """Description of type `kind` from plain tables; `where` opens every message.
+
+    Raises:
+        InputError: as :func:`load_spec`.
+    """
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise InputError(explain(error, kind, where)) from None
+
+
+def explain(error: ValidationError, kind: type[Spec], where: str) -> str:
+    """One message for all that is wrong in a description, a line per key."""
+    return "\n".join(_explain_one(detail, kind, where) for detail in error.errors(include_url=False))
+
+
+def _explain_one(detail: ErrorDetails, kind: type[Spec], where: str) -> str:
+    key, help_text = _locate(kind, detail["loc"])
+    place = f"{where}: {key}" if key else where
+    message = detail["msg"].removeprefix("Value error, ")
+    if detail["type"] == "unknown_key":
+        return f"{place}: {message}"
+    if detail["type"] == "missing":
+        return f"{place}: is missing" + (f"; {help_text}" if help_text else "")
+    given = (
+        ""
+        if detail["type"] == "value_error" and isinstance(detail["input"], dict)
+        else (f"given {_short(detail['input'])}; ")
+    )
+    return f"{place}: {given}{message}" + (f"; {help_text}" if help_text else "")
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _locate(kind: type[Spec], loc: tuple[int | str, ...]) -> tuple[str, str]:
+    """Dotted key as a person would write it, and the help of the field it names."""
+    key, help_text, current = "", "", [kind]
+    for part in loc:
+        if isinstance(part, int):
+            key += f"[{part + 1}]"
+            continue
+        owner = next((model for model in current if part in model.model_fields), None)
+        if owner is None:  # the tag of a union, not a key
+            continue
+        field = owner.model_fields[part]
+        key += ("." if key else "") + part
+        help_text = " ".join((field.description or "").split())
+        current = _models_in(field.annotation)
+    return key, help_text
+
+
+def _models_in(annotation: Any) -> list[type[Spec]]:
+    if isinstance(annotation, type) and issubclass(annotation, Spec):
+        return [annotation]
+    if get_origin(annotation) in (Union, types.UnionType, tuple, list, dict) or hasattr(annotation, "__metadata__"):
+        return [model for inner in get_args(annotation) for model in _models_in(inner)]
+    return []
