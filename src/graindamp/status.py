@@ -22,6 +22,8 @@ class Status(IntFlag):
     MASS_MISMATCH = 4096
     NO_SOLUTION = 8192
     NOT_PASSIVE = 16384
+    UNDERSAMPLED = 32768
+    AMPLITUDE_DRIFT = 65536
 
 
 FATAL = (
@@ -35,6 +37,7 @@ FATAL = (
     | Status.NO_MOTION
     | Status.FREQUENCY_MISMATCH
     | Status.NO_SOLUTION
+    | Status.UNDERSAMPLED
 )
 """Bits whose operating point has no usable value."""
 
@@ -54,6 +57,8 @@ REMEDY: dict[Status, str] = {
     Status.MASS_MISMATCH: "the empty run weighs other than the given container mass; check calibration and mass",
     Status.NO_SOLUTION: "the assumed motion does not exist at this operating point",
     Status.NOT_PASSIVE: "the loss factor is negative beyond its error; check sign and phase of the channels",
+    Status.UNDERSAMPLED: "fewer than four samples per cycle; sample faster",
+    Status.AMPLITUDE_DRIFT: "the amplitude of the motion changes during the record; use stepped sine at fixed level",
 }
 
 

@@ -1,0 +1,101 @@
+"""From analysed records to an effective field."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from graindamp.errors import InputError
+from graindamp.field.store import field_from_points
+from graindamp.signals.power import OperatingPoint
+from graindamp.status import FATAL
+
+SAME_INTENSITY = 0.02
+"""Intensities within this share count as one setting of the rig; its controller holds levels no better."""
+
+
+def field_of(points: Sequence[OperatingPoint], bed_mass: float, source: str, damper: Mapping[str, Any]) -> xr.Dataset:
+    """Effective field of analysed records, on a grid where they fill one.
+
+    The axis shows the intensity the rig was set to where the records tell it and the measured one agrees to 2 %, else
+    the mean of the measured ones that belong together; the intensity measured at each point is kept beside it.
+
+    Args:
+        points: analysed records; those with a fatal problem keep their place, with NaN.
+        bed_mass: mass of all particles [kg].
+        source: where the records come from.
+        damper: description of the damper, kept as JSON.
+
+    Raises:
+        InputError: no record has a usable value, with the reason of each.
+    """
+    if not any(np.isfinite(point.loss_factor) for point in points):
+        reasons = "\n".join(f"{point.label}: {problem.text}" for point in points for problem in point.problems)
+        raise InputError(f"no record gives a value\n{reasons}")
+    kept = [point for point in points if np.isfinite(point.loss_factor) or point.nominal_intensity is not None]
+    kept = [point for point in kept if np.isfinite(point.frequency)]
+    measured = np.array([point.intensity for point in kept])
+    columns = {
+        "frequency": _settings(np.array([point.frequency for point in kept]), share=1e-3),
+        "intensity": _intensity_settings(kept),
+        "loss_factor": np.array([point.loss_factor for point in kept]),
+        "effective_mass_ratio": np.array([point.effective_mass_ratio for point in kept]),
+        "loss_factor_se": np.array([point.loss_factor_error for point in kept]),
+        "effective_mass_ratio_se": np.array([point.effective_mass_ratio_error for point in kept]),
+        "dissipated_energy": np.array([point.dissipated_energy for point in kept]),
+        "power": np.array([point.power for point in kept]),
+        "n_cycles": np.array([point.n_cycle for point in kept]),
+        "status": np.array([int(point.status) for point in kept]),
+        "measured_intensity": measured,
+        "effective_mass_modulus_ratio": np.array([point.modulus_ratio for point in kept]),
+    }
+    return field_from_points(_averaged(columns), bed_mass, source, damper, "signals")
+
+
+def _intensity_settings(points: Sequence[OperatingPoint]) -> NDArray[np.float64]:
+    measured = np.array([point.intensity for point in points])
+    nominal = np.array([point.nominal_intensity or np.nan for point in points])
+    with np.errstate(invalid="ignore"):
+        agrees = np.isfinite(nominal) & ~(np.abs(measured / nominal - 1) > SAME_INTENSITY)
+    return np.where(
+        agrees.all(), nominal, _settings(np.where(np.isfinite(measured), measured, nominal), SAME_INTENSITY)
+    )
+
+
+def _settings(values: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """Each value replaced by the mean of those that lie within `share` of their lower neighbour."""
+    order = np.argsort(values)
+    groups = np.split(order, 1 + np.flatnonzero(np.diff(values[order]) > share * values[order][:-1]))
+    result = np.empty_like(values)
+    for group in groups:
+        result[group] = float(f"{values[group].mean():.4g}") if np.ptp(values[group]) > 0 else values[group[0]]
+    return result
+
+
+def _averaged(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Repeats of one operating point as their mean; the standard error is the larger of within and between them."""
+    pairs = np.column_stack([columns["frequency"], columns["intensity"]])
+    unique, index = np.unique(pairs, axis=0, return_inverse=True)
+    if len(unique) == len(pairs):
+        return columns
+    usable = (columns["status"] & int(FATAL)) == 0
+    rows: dict[str, list[Any]] = {name: [] for name in columns}
+    for group in range(len(unique)):
+        members = np.flatnonzero(index.ravel() == group)
+        good = members[usable[members]]
+        for name, column in columns.items():
+            if len(good) <= 1:
+                rows[name].append(column[good[0] if len(good) else members[0]])
+            elif name == "n_cycles":
+                rows[name].append(column[good].sum())
+            elif name == "status":
+                rows[name].append(np.bitwise_or.reduce(column[good]))
+            elif name.endswith("_se"):
+                within = np.sqrt(np.sum(column[good] ** 2)) / len(good)
+                between = np.std(columns[name.removesuffix("_se")][good], ddof=1) / np.sqrt(len(good))
+                rows[name].append(max(within, between))
+            else:
+                rows[name].append(column[good].mean())
+    return {name: np.array(values) for name, values in rows.items()}

@@ -1,0 +1,255 @@
+"""Fields on disk: netCDF for machines, CSV for people, checked both ways."""
+
+import csv
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from graindamp.errors import InputError
+from graindamp.field.schema import TABLE, check, damper_of, is_grid, make_field
+from graindamp.units import STANDARD_GRAVITY, to_si
+
+SUFFIXES = (".nc", ".csv")
+
+_ALIASES: dict[str, tuple[str, ...]] = {
+    "frequency": ("frequency", "f", "freq"),
+    "intensity": ("intensity", "gamma", "g", "acceleration", "acc", "amplitude"),
+    "loss_factor": ("lossfactor", "eta", "loss", "reducedlossfactor", "effectivelossfactor"),
+    "effective_mass_ratio": ("effectivemassratio", "m", "mprime", "massratio", "meffmbed", "effectivemass"),
+    "loss_factor_se": ("lossfactorse", "etase", "seeta", "lossfactorstandarderror", "etastandarderror"),
+    "effective_mass_ratio_se": ("effectivemassratiose", "mse", "sem", "massratiose", "mprimese"),
+    "dissipated_energy": ("dissipatedenergy", "energy"),
+    "power": ("power",),
+    "n_cycles": ("ncycles", "ncycle", "cycles"),
+    "status": ("status",),
+    "measured_intensity": ("measuredintensity",),
+    "effective_mass_modulus_ratio": ("effectivemassmodulusratio",),
+}
+
+
+def write_field(field: xr.Dataset, path: str | Path) -> None:
+    """Write a valid field to .nc or .csv, as the name says.
+
+    Raises:
+        InputError: not a valid field, unknown suffix, or the file cannot be written.
+    """
+    path = Path(path)
+    check(field, where=str(path))
+    _check_suffix(path)
+    try:
+        if path.suffix == ".nc":
+            field.to_netcdf(path, engine="h5netcdf")
+        else:
+            path.write_text(_to_csv(field), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def read_field(path: str | Path, bed_mass: float | None = None) -> xr.Dataset:
+    """Field from .nc or .csv, checked.
+
+    A CSV typed by hand needs the columns frequency [Hz], intensity (or acceleration [m/s^2]), eta and m'; header lines
+    "# bed_mass = 350 g" give what is not a column. Points that fill a grid become one, others stay scattered.
+
+    Args:
+        path: file to read.
+        bed_mass: mass of all particles [kg], where the file does not tell.
+
+    Raises:
+        InputError: naming file, line or variable, and what is allowed.
+    """
+    path = Path(path)
+    _check_suffix(path)
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file; a field is a {' or '.join(SUFFIXES)} file")
+    if path.suffix == ".csv":
+        return _from_csv(path, bed_mass)
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            field: xr.Dataset = opened.load()
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path}: not a readable netCDF-4 file ({error})") from None
+    check(field, where=str(path))
+    return field
+
+
+def _check_suffix(path: Path) -> None:
+    if path.suffix not in SUFFIXES:
+        raise InputError(f"{path}: a field file ends in {' or '.join(SUFFIXES)}")
+
+
+def table_of(field: xr.Dataset) -> dict[str, NDArray[Any]]:
+    """Columns of a field, one row per operating point, frequency first."""
+    if is_grid(field):
+        grid = xr.broadcast(field["frequency"], field["intensity"])
+        axes = {axis.name: axis.to_numpy().ravel() for axis in grid}
+    else:
+        axes = {name: field[name].to_numpy() for name in ("frequency", "intensity")}
+    return {str(name): column for name, column in axes.items()} | {
+        name: field[name].to_numpy().ravel() for name in TABLE if name in field.data_vars
+    }
+
+
+def _to_csv(field: xr.Dataset) -> str:
+    columns = table_of(field)
+    lines = [
+        "# effective field of a particle damper",
+        f"# bed_mass = {field.attrs['bed_mass']!r} kg",
+        f"# source = {field.attrs.get('source', '')}",
+        *(f"# damper.{key} = {value}" for key, value in damper_of(field).items()),
+        ",".join(f"{name} [{TABLE[name].units.replace('1', '-')}]" for name in columns),
+    ]
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return "\n".join(lines + [",".join("" if value != value else repr(value) for value in row) for row in rows]) + "\n"
+
+
+def _from_csv(path: Path, bed_mass: float | None) -> xr.Dataset:
+    header, names, rows = _split_csv(path)
+    columns = _columns(path, names, rows)
+    needed = ("frequency", "intensity", "loss_factor", "effective_mass_ratio")
+    missing = [name for name in needed if name not in columns]
+    if missing:
+        raise InputError(
+            f"{path}: no column for {', '.join(missing)}; found {', '.join(names)}; a field needs frequency [Hz], "
+            "intensity [-] (or acceleration [m/s^2]), eta [-] and m' [-]"
+        )
+    mass = bed_mass if bed_mass is not None else _header_value(path, header, "bed_mass", "kg")
+    damper: dict[str, Any] = {}
+    for key, text in header.items():
+        if key.startswith("damper."):
+            damper[key.removeprefix("damper.")] = _number_or_text(text)
+    if "clearance" in header:
+        damper["clearance"] = _header_value(path, header, "clearance", "m")
+    damper.setdefault("bed_mass", mass)
+    return field_from_points(columns, mass, header.get("source", f"typed by hand, {path.name}"), damper, str(path))
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def field_from_points(
+    columns: Mapping[str, NDArray[Any]], bed_mass: float, source: str, damper: Mapping[str, Any], where: str
+) -> xr.Dataset:
+    """Field from one row per operating point: a grid where the points fill one, scattered otherwise.
+
+    Args:
+        columns: by name of the schema, each of shape (point,); frequency, intensity, loss_factor, effective_mass_ratio
+            at least.
+        bed_mass: mass of all particles [kg].
+        source: where the values come from.
+        damper: description of the damper.
+        where: opens every message.
+
+    Raises:
+        InputError: as :func:`graindamp.field.schema.check`.
+    """
+    f, gamma = columns["frequency"], columns["intensity"]
+    f_axis, f_index = np.unique(f, return_inverse=True)
+    g_axis, g_index = np.unique(gamma, return_inverse=True)
+    place = f_index * len(g_axis) + g_index
+    fills_grid = len(place) == len(f_axis) * len(g_axis) == len(np.unique(place))
+    values = {name: column for name, column in columns.items() if name not in ("frequency", "intensity")}
+    if fills_grid:
+        order = np.argsort(place)
+        values = {name: column[order].reshape(len(f_axis), len(g_axis)) for name, column in values.items()}
+        f, gamma = f_axis, g_axis
+    try:
+        return make_field(
+            f,
+            gamma,
+            values.pop("loss_factor"),
+            values.pop("effective_mass_ratio"),
+            bed_mass,
+            source=source,
+            scattered=not fills_grid,
+            variables=values,
+            damper=damper,
+        )
+    except InputError as error:
+        raise InputError(f"{where}: {str(error).removeprefix('field: ')}") from None
+
+
+def _split_csv(path: Path) -> tuple[dict[str, str], list[str], list[tuple[int, list[str]]]]:
+    """Header entries, column names, and numbered rows of cells."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a readable text file ({error})") from None
+    header: dict[str, str] = {}
+    lines: list[tuple[int, str]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.lstrip().startswith("#"):
+            key, _, value = line.lstrip("# ").partition("=")
+            header[key.strip().lower().replace(" ", "_")] = value.strip()
+        elif line.strip(" \t,;"):
+            lines.append((number, line))
+    if len(lines) < 2:
+        raise InputError(f"{path}: no table; a row of column names and at least one row of numbers are needed")
+    delimiter = max(";\t,", key=lambda mark: lines[0][1].count(mark))
+    cells = [
+        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]) for number, line in lines
+    ]
+    return header, cells[0][1], cells[1:]
+
+
+def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]]) -> dict[str, NDArray[Any]]:
+    columns: dict[str, NDArray[Any]] = {}
+    has_comma = any("," in cell for _, cells in rows for cell in cells)
+    for index, title in enumerate(names):
+        name, factor = _meaning(title)
+        if name is None:
+            continue
+        if name in columns:
+            raise InputError(f"{path}: two columns mean {name}; keep one of them ({', '.join(names)})")
+        values = []
+        for number, cells in rows:
+            if len(cells) < len(names):
+                raise InputError(f"{path}: line {number} has {len(cells)} cells, the names row has {len(names)}")
+            cell = cells[index].replace(",", ".") if has_comma else cells[index]
+            try:
+                values.append(float(cell) * factor if cell else float("nan"))
+            except ValueError:
+                raise InputError(f"{path}: line {number}, column {title}: given {cell!r}, a number is needed") from None
+        column = np.array(values)
+        if TABLE[name].kind == "int":
+            column = np.nan_to_num(column).astype(np.int64)
+        columns[name] = column
+    return columns
+
+
+def _meaning(title: str) -> tuple[str | None, float]:
+    """Schema name of a column and the factor to its SI unit; (None, 1) for a column that means nothing here."""
+    label, _, unit = title.partition("[")
+    unit = unit.rstrip("] ").strip()
+    key = re.sub(r"[^a-z]", "", label.lower().replace("η", "eta").replace("Γ", "gamma").replace("γ", "gamma"))
+    if key.endswith("hz"):
+        key = key.removesuffix("hz")
+    name = next((name for name, aliases in _ALIASES.items() if key in aliases), None)
+    if name is None or unit in ("", "-", "1"):
+        return name, 1.0
+    try:
+        if name == "intensity":
+            return name, to_si(f"1 {unit}", "m/s^2") / STANDARD_GRAVITY
+        return name, to_si(f"1 {unit}", TABLE[name].units.replace("1", ""))
+    except ValueError as error:
+        raise InputError(f"column '{title}': {error}") from None
+
+
+def _header_value(path: Path, header: Mapping[str, str], key: str, unit: str) -> float:
+    if key not in header:
+        raise InputError(
+            f"{path}: {key} is missing; add a line '# {key} = 350 g' above the table, or give it as an option"
+        )
+    try:
+        return to_si(header[key], unit)
+    except ValueError as error:
+        raise InputError(f"{path}: {key}: given {header[key]!r}; {error}") from None
