@@ -1,1 +1,1 @@
-"""couple."""
+"""Field and structure together: equilibria, damping ratios, responses."""

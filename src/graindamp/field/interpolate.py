@@ -4,6 +4,7 @@ eta, m' and their standard errors are interpolated one by one. A standard error 
 neighbouring errors were fully correlated: never too small.
 """
 
+import copy
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -78,6 +79,12 @@ class Interpolant:
             )
             points = np.log(np.column_stack([f.to_numpy()[usable], gamma.to_numpy()[usable]]))
             self._surface = _Triangles(points, values[:, usable])
+
+    def beyond(self, outside: Outside) -> "Interpolant":
+        """The same field with another policy outside its points."""
+        other = copy.copy(self)
+        other.outside = outside
+        return other
 
     @property
     def frequency_range(self) -> tuple[float, float]:

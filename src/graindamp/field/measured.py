@@ -1,7 +1,8 @@
-"""From analysed records to an effective field."""
+"""From a described measurement, or from analysed records, to an effective field."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -9,11 +10,102 @@ from numpy.typing import NDArray
 
 from graindamp.errors import InputError
 from graindamp.field.store import field_from_points
-from graindamp.signals.power import OperatingPoint
+from graindamp.signals.checks import Problem
+from graindamp.signals.phase import PhaseCalibration
+from graindamp.signals.power import OperatingPoint, analyze, calibration_from
+from graindamp.signals.readers.read import read_records
+from graindamp.signals.record import Record
+from graindamp.spec.measurement import MeasurementSpec
 from graindamp.status import FATAL
 
 SAME_INTENSITY = 0.02
 """Intensities within this share count as one setting of the rig; its controller holds levels no better."""
+
+
+class Measurement(NamedTuple):
+    """A measurement, analysed."""
+
+    field: xr.Dataset
+    points: tuple[OperatingPoint, ...]
+    """One per record, in the order of the files."""
+    records: tuple[Record, ...]
+    calibration: PhaseCalibration | None
+    """Phase of the channels; None without an empty-container run."""
+    problems: tuple[Problem, ...]
+    """What concerns the measurement as a whole; each point has its own."""
+    bed_mass: float
+    """[kg]."""
+    container_mass: float
+    """[kg]."""
+
+
+def measure(
+    spec: MeasurementSpec,
+    folder: str | Path = ".",
+    progress: Callable[[int, int, str], None] = lambda k, n, label: None,
+) -> Measurement:
+    """Effective field of a described measurement.
+
+    Records that cannot be used are named in their operating points and leave NaN; the others are kept.
+
+    Args:
+        spec: files, channels, masses.
+        folder: what the files are relative to.
+        progress: told how many of how many records are done, and the next one's label.
+
+    Raises:
+        InputError: a file cannot be read, masses are missing or contradict each other, or no record gives a value.
+    """
+    records = [record for name in spec.files for record in read_records(Path(folder) / name, spec.channels)]
+    empty = [record for record in records if record.is_empty]
+    for name in spec.empty_files:
+        empty += read_records(Path(folder) / name, spec.channels, is_empty=True)
+    filled = [record for record in records if not record.is_empty]
+    if spec.frequency is not None:
+        filled = [record._replace(frequency=spec.frequency) for record in filled]
+    if not filled:
+        raise InputError(f"{', '.join(spec.files)}: only empty-container runs; give runs of the filled damper too")
+    bed_mass = _mass("bed_mass", spec.bed_mass, filled)
+    if bed_mass is None or bed_mass <= 0:
+        raise InputError(_mass_missing("bed_mass", "bed", "350 g", spec))
+    container_mass = _mass("container_mass", spec.container_mass, [*filled, *empty])
+    calibration, problems = calibration_from(empty, container_mass) if empty else (None, [])
+    if container_mass is None:
+        if calibration is None:
+            raise InputError(_mass_missing("container_mass", "container", "200 g", spec))
+        container_mass = float(calibration.mass.mean())
+    points = []
+    for k, record in enumerate(filled):
+        progress(k, len(filled), record.label)
+        points.append(analyze(record, bed_mass, container_mass, calibration, spec.phase_uncertainty, spec.skip_cycles))
+    progress(len(filled), len(filled), "")
+    damper = {
+        "name": spec.name,
+        "description": spec.description,
+        "bed_mass": bed_mass,
+        "container_mass": container_mass,
+    } | ({} if spec.clearance is None else {"clearance": spec.clearance})
+    names = [Path(name).name for name in spec.files]
+    source = "signals of " + ", ".join(names[:4]) + (f" and {len(names) - 4} more files" if len(names) > 4 else "")
+    field = field_of(points, bed_mass, source, damper)
+    return Measurement(field, tuple(points), tuple(filled), calibration, tuple(problems), bed_mass, container_mass)
+
+
+def _mass(key: str, given: float | None, records: Sequence[Record]) -> float | None:
+    if given is not None:
+        return given
+    told = {getattr(record, key): record.source for record in records if getattr(record, key) is not None}
+    if len(told) > 1 and max(told) - min(told) > 1e-6 * max(told):
+        values = ", ".join(f"{value:g} kg in {source}" for value, source in told.items())
+        raise InputError(f"{key} differs between the files ({values}); one field belongs to one damper")
+    return next(iter(told), None)
+
+
+def _mass_missing(key: str, what: str, example: str, spec: MeasurementSpec) -> str:
+    return (
+        f"{', '.join(spec.files[:3])}: the mass of the {what} is not in the file; give it as --{key.replace('_', '-')} "
+        f"'{example}' or as {key} = \"{example}\" in a measurement description"
+    )
 
 
 def field_of(points: Sequence[OperatingPoint], bed_mass: float, source: str, damper: Mapping[str, Any]) -> xr.Dataset:

@@ -215,6 +215,6 @@ def _check_values(field: xr.Dataset, where: str) -> None:
         i = np.flatnonzero(wrong)[0]
         raise InputError(
             f"{where}: at {f.to_numpy().flat[i]:g} Hz, {gamma.to_numpy().flat[i]:g} the dissipated energy per cycle "
-            f"is {energy.flat[i]:.4g} J, eta = {eta.flat[i]:.4g} asks for {(scale * eta).flat[i]:.4g} J and power = energy "
-            "times frequency; check units (J per cycle, W) and bed_mass, or leave both columns out"
+            f"is {energy.flat[i]:.4g} J, eta = {eta.flat[i]:.4g} asks for {(scale * eta).flat[i]:.4g} J and power = "
+            "energy times frequency; check units (J per cycle, W) and bed_mass, or leave both columns out"
         )

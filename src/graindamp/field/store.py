@@ -230,7 +230,7 @@ def _meaning(title: str) -> tuple[str | None, float]:
     """Schema name of a column and the factor to its SI unit; (None, 1) for a column that means nothing here."""
     label, _, unit = title.partition("[")
     unit = unit.rstrip("] ").strip()
-    key = re.sub(r"[^a-z]", "", label.lower().replace("η", "eta").replace("Γ", "gamma").replace("γ", "gamma"))
+    key = re.sub(r"[^a-z]", "", label.lower().replace("η", "eta").replace("\u03b3", "gamma"))
     if key.endswith("hz"):
         key = key.removesuffix("hz")
     name = next((name for name, aliases in _ALIASES.items() if key in aliases), None)

@@ -11,8 +11,10 @@ def _unit(unit: str) -> BeforeValidator:
     return BeforeValidator(lambda value: to_si(value, unit))
 
 
-def _field(unit: str, **bounds: float) -> Any:
-    return Field(**bounds, allow_inf_nan=False, json_schema_extra={"unit": unit or "-"})
+def _field(
+    unit: str, gt: float | None = None, ge: float | None = None, lt: float | None = None, le: float | None = None
+) -> Any:
+    return Field(gt=gt, ge=ge, lt=lt, le=le, allow_inf_nan=False, json_schema_extra={"unit": unit or "-"})
 
 
 def _intensity(value: float | int | str) -> float:

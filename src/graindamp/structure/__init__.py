@@ -1,1 +1,1 @@
-"""structure."""
+"""The structure that vibrates: its modes and frequency responses."""
