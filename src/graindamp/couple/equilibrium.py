@@ -131,9 +131,11 @@ def _explain(mode: LoadedMode, result: ModeResult) -> str:
     if np.isnan(result.largest_force):
         return "the loaded mode has no resonance inside the fields: its frequency leaves their range"
     if mode.force > result.largest_force:
+        tops = [damper.field.intensity_range[1] for damper in mode.dampers]
+        at_edge = result.largest_force_intensity > 0.999 * min(tops)
         return (
             f"{mode.force:.4g} N is more than the damper can hold: at most {result.largest_force:.4g} N, at intensity "
-            f"{result.largest_force_intensity:.3g}"
+            f"{result.largest_force_intensity:.3g}" + (", where its field ends" if at_edge else "")
         )
     return (
         f"{mode.force:.4g} N moves the damper less than its field begins; {result.smallest_force:.4g} N reach it"
@@ -236,35 +238,47 @@ class Capacity(NamedTuple):
     smallest_force: float
 
 
-def force_capacity(mode: LoadedMode, box: Box, n_amplitude: int = 400, n_frequency: int = 200) -> Capacity:
-    """Largest force held along the resonance curve inside `box` [N], sampled on a fine grid and then refined.
+class HoldingCurve(NamedTuple):
+    """Force that keeps the mode at each resonant amplitude, sorted by amplitude; all arrays (sample,)."""
+
+    log_amplitude: Real
+    """y = log(a / g)."""
+    intensity: Real
+    """Largest intensity among the dampers [-]."""
+    frequency: Real
+    """Resonance frequency at this amplitude [Hz]."""
+    force: Real
+    """Force amplitude held [N]."""
+
+
+def holding_curve(mode: LoadedMode, box: Box, n_amplitude: int = 160, n_frequency: int = 60) -> HoldingCurve:
+    """Force held along the resonance inside `box`; an equilibrium lies wherever it equals the driving force.
 
     Args:
         mode: the loaded mode.
-        box: region searched.
-        n_amplitude: amplitudes sampled.
-        n_frequency: frequencies among which the resonance of each amplitude is bracketed.
+        box: region of log f and log amplitude, of :func:`graindamp.couple.single_mode.search_box`.
+        n_amplitude: amplitudes sampled, besides those at which a field bends.
+        n_frequency: frequencies among which the resonance of each amplitude is bracketed, besides those at which a
+            field bends.
     """
     y = np.unique(np.concatenate([np.linspace(box.y[0], box.y[-1], n_amplitude), box.y]))
-    amplitude, _, force = _resonance_curve(mode, box, y, n_frequency)
-    if len(force) == 0:
+    return _resonances(mode, box, y, n_frequency)
+
+
+def force_capacity(mode: LoadedMode, box: Box) -> Capacity:
+    """Largest and first force held along the resonance inside `box` [N], NaN where it has no resonance."""
+    curve = holding_curve(mode, box)
+    if len(curve.force) == 0:
         return Capacity(NAN, NAN, NAN)
-    best = int(np.argmax(force))
-    near = (
-        y[max(np.searchsorted(y, amplitude[best]) - 1, 0)],
-        y[min(np.searchsorted(y, amplitude[best]) + 1, len(y) - 1)],
-    )
-    fine_amplitude, _, fine_force = _resonance_curve(mode, box, np.linspace(*near, 101), n_frequency)
-    top = int(np.argmax(fine_force))
-    return Capacity(
-        float(fine_force[top]),
-        float(mode.shape.max() * np.exp(fine_amplitude[top])),
-        float(force[np.argmin(amplitude)]),
-    )
+    best = int(np.argmax(curve.force))
+    ends = curve.log_amplitude[max(best - 2, 0)], curve.log_amplitude[min(best + 2, len(curve.force) - 1)]
+    fine = _resonances(mode, box, np.linspace(*ends, 101), 60)
+    top = int(np.argmax(fine.force))
+    return Capacity(float(fine.force[top]), float(fine.intensity[top]), float(curve.force[0]))
 
 
-def _resonance_curve(mode: LoadedMode, box: Box, y: Real, n_frequency: int) -> tuple[Real, Real, Real]:
-    """Points (y, x, force) on the resonance curve: every sign change of the resonance equation, bisected."""
+def _resonances(mode: LoadedMode, box: Box, y: Real, n_frequency: int) -> HoldingCurve:
+    """Every sign change of the resonance equation over frequency at each amplitude, bisected."""
     x = np.unique(np.concatenate([np.linspace(box.x[0], box.x[-1], n_frequency), box.x]))
     xx, yy = np.meshgrid(x, y)
     value = imbalance(mode, xx, yy, loads(mode, xx, yy))[0]
@@ -275,7 +289,8 @@ def _resonance_curve(mode: LoadedMode, box: Box, y: Real, n_frequency: int) -> t
         mid = (low + high) / 2
         same = np.signbit(imbalance(mode, mid, at, loads(mode, mid, at))[0]) == start
         low, high = np.where(same, mid, low), np.where(same, high, mid)
-    return at, low, held_force(mode, low, at, loads(mode, low, at))
+    force = held_force(mode, low, at, loads(mode, low, at))
+    return HoldingCurve(at, mode.shape.max() * np.exp(at), np.exp(low), force)
 
 
 def _state(mode: LoadedMode, x: float, y: float, n_damper: int) -> Equilibrium:

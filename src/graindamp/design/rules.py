@@ -252,8 +252,11 @@ def efficiency_damping_ratio(
     _check_positive(bed_mass=bed_mass)
     _check("shape_squared", shape_squared, shape_squared >= 0, ">= 0")
     _check("loss_factor", loss_factor, loss_factor >= 0, ">= 0")
+    from graindamp.couple.balance import damping_ratio_of
+
     mass_ratio = shape_squared * bed_mass
-    damping_ratio = mass_ratio * loss_factor / (2.0 * _loaded_mass(mass_ratio, effective_mass_ratio))
+    _loaded_mass(mass_ratio, effective_mass_ratio)
+    damping_ratio = float(damping_ratio_of(shape_squared, bed_mass, loss_factor, effective_mass_ratio))
     return DampingRule(damping_ratio, 4.0 * pi * damping_ratio, mass_ratio)
 
 

@@ -59,7 +59,9 @@ def measure(
     records = [record for name in spec.files for record in read_records(Path(folder) / name, spec.channels)]
     empty = [record for record in records if record.is_empty]
     for name in spec.empty_files:
-        empty += read_records(Path(folder) / name, spec.channels, is_empty=True)
+        found = read_records(Path(folder) / name, spec.channels)
+        marked = [record for record in found if record.is_empty]
+        empty += marked or [record._replace(is_empty=True) for record in found]
     filled = [record for record in records if not record.is_empty]
     if spec.frequency is not None:
         filled = [record._replace(frequency=spec.frequency) for record in filled]

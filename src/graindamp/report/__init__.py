@@ -1,1 +1,1 @@
-"""report."""
+"""What people look at: tables, figures, pages, JSON documents."""

@@ -32,7 +32,7 @@ def harmonics(signals: Real, time: Real, frequency: float, n_harmonic: int) -> C
     Returns:
         shape (1 + n_harmonic,) or (1 + n_harmonic, channel); row n is n times the fundamental, row 0 the mean.
     """
-    solution = np.linalg.lstsq(_design(time, frequency, n_harmonic), signals, rcond=None)[0]
+    solution = _solve(_design(time, frequency, n_harmonic), signals)
     cosine, sine = solution[1 : 1 + n_harmonic], solution[1 + n_harmonic :]
     result: Complex = np.concatenate([solution[:1].astype(complex), cosine - 1j * sine])
     return result
@@ -41,6 +41,12 @@ def harmonics(signals: Real, time: Real, frequency: float, n_harmonic: int) -> C
 def n_harmonic_of(sampling_rate: float, frequency: float, at_most: int) -> int:
     """Number of harmonics a sampling rate carries safely below its Nyquist frequency, from 1 to `at_most`."""
     return int(np.clip(0.45 * sampling_rate / frequency, 1, at_most))
+
+
+def _solve(design: Real, signals: Real) -> Real:
+    """Least squares by the normal equations: sines over whole cycles are nearly orthogonal, so nothing is lost."""
+    solution: Real = np.linalg.solve(design.T @ design, design.T @ signals)
+    return solution
 
 
 class Cycles(NamedTuple):
@@ -65,12 +71,13 @@ def fit_cycles(signals: Real, sampling_rate: float, frequency: float) -> Cycles:
     n_cycle = int((len(signals) + 1) * frequency / sampling_rate)
     start = np.ceil(np.arange(n_cycle + 1) * sampling_rate / frequency - 1e-6).astype(np.int64)
     start[-1] = min(start[-1], len(signals))
-    time = np.arange(len(signals)) / sampling_rate
-    n_harmonic = min(3, n_harmonic_of(sampling_rate, frequency, 3))
+    n_harmonic = n_harmonic_of(sampling_rate, frequency, 3)
+    design = _design(np.arange(len(signals)) / sampling_rate, frequency, n_harmonic)
     amplitude = np.empty((n_cycle, signals.shape[1]), complex)
     for k in range(n_cycle):
         part = slice(start[k], start[k + 1])
-        amplitude[k] = harmonics(signals[part], time[part], frequency, n_harmonic)[1]
+        solution = _solve(design[part], signals[part])
+        amplitude[k] = solution[1] - 1j * solution[1 + n_harmonic]
     return Cycles(start, amplitude)
 
 

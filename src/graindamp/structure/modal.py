@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from graindamp.errors import InputError
 from graindamp.spec.structure import BeamSpec, DampingSpec, ModalSpec, PointMassSpec, RayleighDampingSpec
 from graindamp.structure.beam import assemble
-from graindamp.structure.eigen import solve_modes
+from graindamp.structure.eigen import ROUNDING, solve_modes
 
 
 class ModalModel(NamedTuple):
@@ -45,7 +45,7 @@ def beam_modal_model(
         InputError: a position off the beam, more modes than the beam has, or a list of damping ratios too short.
     """
     beam = assemble(spec, points, extra_masses)
-    modes = solve_modes(beam.stiffness, beam.mass, spec.n_mode)
+    modes = solve_modes(beam.stiffness, beam.mass, spec.n_mode, precision=ROUNDING)
 
     def at(row: NDArray[np.intp]) -> NDArray[np.float64]:
         return np.where(row[:, None] < 0, 0.0, modes.vectors[row])

@@ -15,6 +15,7 @@ from graindamp.signals.readers.kinds import (
     kind_of_unit,
     split_suffix,
     split_unit,
+    told_unit,
     unit_factor,
 )
 from graindamp.signals.record import MOTION_UNIT, MotionKind
@@ -59,9 +60,9 @@ def named_channel(name: str, values: Any, unit: str | None = None, rate: float |
     else:
         bare, unit_in_name = split_unit(name)
         kind, is_word = kind_of_name(bare)
-    unit = unit or unit_in_name
+    unit = told_unit(unit) or unit_in_name
     by_unit = kind_of_unit(unit)
-    if by_unit and not is_word and kind != by_unit:  # a letter is weak evidence, a unit is not
+    if unit and not is_word and kind != by_unit:  # a letter is weak evidence, a unit is not
         return Channel(name, values, unit, by_unit, False, rate)
     return Channel(name, values, unit, kind, kind is not None, rate)
 

@@ -53,7 +53,7 @@ def fact_named(name: str) -> tuple[str, str | None] | None:
     return None
 
 
-def read_fact(name: str, value: Any, place: str, unit: str | None = None) -> Facts:
+def read_fact(name: str, value: Any, place: str, unit: str | None = None, decimal: str = ".") -> Facts:
     """The fact that `name` and `value` tell, in SI; empty where `name` means none or no value is filled in.
 
     Args:
@@ -61,6 +61,7 @@ def read_fact(name: str, value: Any, place: str, unit: str | None = None) -> Fac
         value: a number, an array of one number, or text with or without a unit and a decimal comma.
         place: file and place, to open messages.
         unit: unit written beside the value, in place of one in the name.
+        decimal: decimal mark of the file; the other mark before three digits ("51,200") is refused as doubtful.
 
     Raises:
         InputError: a known key with a value that is no number, in a unit of another kind, or out of range.
@@ -69,14 +70,18 @@ def read_fact(name: str, value: Any, place: str, unit: str | None = None) -> Fac
     if named is None:
         return {}
     fact, unit_in_name = named
+    if isinstance(value, (np.ndarray, np.generic)) and value.size == 1:
+        value = value.item()
     given = f"{place}: '{name}' is {value!r}"
-    number, unit_in_value = _number(value, given, fact)
+    number, unit_in_value = _number(value, given, fact, decimal)
     if math.isnan(number):
         return {}
     unit = unit_in_value or unit or unit_in_name
     factor = 1.0 if unit is None else _factor(unit, fact)
     if factor is None:
-        raise InputError(f"{given} in '{unit}', which is no unit of it; write it in [{UNIT[fact] or '-'}]")
+        raise InputError(
+            f"{given} in '{unit}', which is no unit of {fact.replace('_', ' ')}; write it in [{UNIT[fact] or 'g'}]"
+        )
     si = number * factor
     may_be_zero = fact in ("container_mass", "bed_mass", "nominal_intensity")
     if not math.isfinite(si) or si < 0 or (si == 0 and not may_be_zero):
@@ -104,22 +109,23 @@ def parse_number(text: str) -> float:
     return float(text.replace(",", "."))
 
 
-def _number(value: Any, given: str, fact: str) -> tuple[float, str | None]:
+def _number(value: Any, given: str, fact: str, decimal: str) -> tuple[float, str | None]:
     """Number of a fact and the unit written after it; NaN for a value left open."""
     if isinstance(value, str):
         text = value.strip().strip('"')
         if text.lower() in ("", "-", "n/a", "na", "nan", "none", "unknown", "unbekannt"):
             return math.nan, None
         match = _NUMBER.fullmatch(text)
+        if match and re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", match[1]) and decimal not in match[1]:
+            both = " or ".join(match[1].replace("," if decimal == "." else ".", mark) for mark in ("", decimal))
+            raise InputError(f"{given}; is it {both}? Write it without a mark between thousands")
         try:
             if match:
                 return parse_number(match[1]), match[2].strip("[] ") or None
         except ValueError:
             pass
-    else:
-        array = np.asarray(value)
-        if array.size == 1 and array.dtype.kind in "iuf":
-            return float(array.reshape(-1)[0]), None
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value), None
     raise InputError(f"{given}, which is no number; write one in [{UNIT[fact] or '-'}], or remove it")
 
 

@@ -29,7 +29,9 @@ def read_hdf5(path: Path, spec: ChannelsSpec) -> list[Record]:
     try:
         with h5py.File(path, "r") as file:
             return records_of(_runs(file, (), {}, False, path), spec, path)
-    except (OSError, RuntimeError, KeyError, TypeError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file raises anything, from OSError to MemoryError
         raise InputError(f"{path}: not an HDF5 file, or damaged ({error}); export it again") from None
 
 
@@ -81,7 +83,7 @@ def _channel(name: str, dataset: Any, place: str) -> Channel:
     attributes = _attributes(dataset)
     unit = next((attributes[key] for key in attributes if key.lower() in ("units", "unit", "einheit")), None)
     rate = read_facts(attributes, f"{place}: dataset '{name}'").get("sampling_rate")
-    return named_channel(name, dataset, unit if isinstance(unit, str) and unit.strip() else None, rate)
+    return named_channel(name, dataset, unit if isinstance(unit, str) else None, rate)
 
 
 def _is_empty(group: Any) -> bool:

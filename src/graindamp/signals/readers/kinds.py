@@ -43,9 +43,14 @@ _SPELLING = {
     "hz": "Hz",
     "khz": "kHz",
     "sek": "s",
+    "s/s": "Hz",
+    "ks/s": "kHz",
     "rpm": "1/min",
     "u/min": "1/min",
 }
+_CAPITALS = {"M", "MM", "CM", "UM", "IN", "S", "MS", "SEC", "G"}
+"""Units in capitals that old front ends write for small letters: MM/S, G. Others stay what they are: A, H, T."""
+_SIGNS = str.maketrans({"·": "*", "⁻": "-", "¹": "1", "²": "2"})
 _TERM = r"[A-Za-zµμ_]+(?:\^-?[1-4])?"
 _PRODUCT = re.compile(rf"(?:1|{_TERM})(?:[ */]\(?{_TERM}\)?)*")
 
@@ -60,14 +65,12 @@ def unit_factor(unit: str, si: str) -> float | None:
     """
     text = unit.strip().strip("[]").strip()
     text = text[1:-1] if re.fullmatch(r"\([^()]*\)", text) else text
-    text = text.replace("**", "^").replace("²", "^2").replace("·", "*").replace(" / ", "/")
+    text = text.replace("**", "^").replace(" / ", "/").translate(_SIGNS)
     text = re.sub(r"(?<=[A-Za-z])(-?[1-4])(?![\d.])", r"^\1", text)  # m/s2, m s-2
-    spellings = [text, text.lower()] if text == text.upper() else [text]  # MM/S of old front ends
-    for spelled in spellings:
-        factor = _factor(spelled, si)
-        if factor is not None:
-            return factor
-    return None
+    factor = _factor(text, si)
+    if factor is None and set(re.findall("[A-Za-z]+", text)) <= _CAPITALS:
+        factor = _factor(text.lower(), si)
+    return factor
 
 
 def _factor(text: str, si: str) -> float | None:
@@ -103,15 +106,15 @@ def kind_of_name(name: str) -> tuple[Kind | None, bool]:
     ]
     if kinds:
         return (kinds[0], True) if len(kinds) == 1 else (None, False)
-    letter = re.fullmatch(r"([favxt])(?:[xyz]?[ _]?\d*|_.*)", plain.lower())
-    return (LETTERS[letter[1]], False) if letter else (None, False)
+    letter = re.fullmatch(r"([FfAaVvXxt])(?:[XYZxyz]?[ _]?\d*|_.*)", plain)  # T is a temperature
+    return (LETTERS[letter[1].lower()], False) if letter else (None, False)
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
     """Name without its unit, and the unit: "Force [N]", "Force (N)", "Force / N", "Force in N"."""
     square = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]([^\[\]]*)", name.strip())
     if square:
-        return (square[1] + square[3]).strip(), _told(square[2])
+        return (square[1] + square[3]).strip(), told_unit(square[2])
     for pattern in (r"(.*\S)\s*\(([^()]*)\)([^()]*)", r"([^/]*[^/\s])\s*/\s*(.+)()", r"(.*\S)\s+in\s+(\S+)()"):
         match = re.fullmatch(pattern, name.strip())
         if match and match[2] != "t" and is_unit(match[2]):  # F(t) is a function of time, not in tonnes
@@ -125,8 +128,10 @@ def split_suffix(name: str) -> tuple[str, str] | None:
     return (match[1], match[2].replace("_", "/")) if match else None
 
 
-def _told(unit: str) -> str | None:
-    return None if unit.strip() in ("", "-", "1") else unit.strip()
+def told_unit(text: str | None) -> str | None:
+    """Unit as written, None where the place for it is left open: "", "-", "1"."""
+    stripped = (text or "").strip("[]() ")
+    return None if stripped in ("", "-", "1") else stripped
 
 
 def is_unit(text: str) -> bool:

@@ -66,7 +66,7 @@ def _run(variables: dict[str, Any], facts: Facts, path: Path, name: str) -> Run:
 
 def _channel(name: str, values: Any, variables: dict[str, Any]) -> Channel:
     units = (variables.get(f"{name}_{suffix}") for suffix in ("unit", "units"))
-    return named_channel(name, values, next((unit for unit in units if isinstance(unit, str) and unit.strip()), None))
+    return named_channel(name, values, next((unit for unit in units if isinstance(unit, str)), None))
 
 
 def _facts(variables: dict[str, Any], place: str) -> Facts:

@@ -97,7 +97,7 @@ def _rates(run: Run, force: Channel, motion: Channel, spec: ChannelsSpec) -> tup
 def _time_rate(run: Run, is_needed: bool) -> float | None:
     """Rate of the time channel [Hz]; None without one, or for one without numbers where the rate is told elsewhere."""
     time = next(iter(candidates(run.channels, ("time",))), None)
-    if time is None:
+    if time is None or not (is_needed or time.is_named):  # seconds alone may be a delay
         return None
     seconds = si_values(time, "time", None, "sampling_rate", run.place)
     if not is_needed and not np.isfinite(seconds).any():

@@ -80,7 +80,7 @@ def _titles(header: list[Line], style: Style) -> tuple[list[str], list[str | Non
     may_be_units = not any(is_word for _, is_word in told) and (is_below_names or not any(kind for kind, _ in told))
     if may_be_units and any(kind_of_unit(cell) for cell in last):
         names = [name or other for name, other in zip(above or unnamed, unnamed, strict=True)]
-        return names, [cell.strip("[]() ") or None for cell in last], 2 if above else 1
+        return names, list(last), 2 if above else 1
     return [name or other for name, other in zip(last, unnamed, strict=True)], unitless, 1
 
 
@@ -108,6 +108,6 @@ def _facts(header: list[Line], style: Style, path: Path) -> Facts:
             key, *values = (cell.strip(' ":=') for cell in cells)
             if values and fact_named(key):
                 unit = values[1] if len(values) > 1 and is_unit(values[1]) else None  # else a remark
-                facts |= read_fact(key, values[0], f"{path}, line {line.number}", unit)
+                facts |= read_fact(key, values[0], f"{path}, line {line.number}", unit, style.decimal)
                 break
     return facts

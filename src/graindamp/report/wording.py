@@ -1,0 +1,27 @@
+"""Numbers as people read them."""
+
+import math
+
+
+def with_error(value: float, error: float, unit: str = "", scale: float = 1.0) -> str:
+    """'0.866 ± 0.020 unit': the error to two digits, the value to the same place; an unknown error is not shown.
+
+    Args:
+        value: in SI.
+        error: its standard error in the same unit, NaN if unknown.
+        unit: unit to print.
+        scale: factor from SI to that unit.
+    """
+    tail = f" {unit}" if unit else ""
+    if not math.isfinite(value):
+        return "–"
+    value, error = value * scale, error * scale
+    if not math.isfinite(error) or error <= 0:
+        return f"{value:.4g}{tail}"
+    digits = max(0, min(12, 1 - math.floor(math.log10(error))))
+    return f"{value:.{digits}f} ± {error:.{digits}f}{tail}"
+
+
+def plain(value: float, digits: int = 3, unit: str = "") -> str:
+    """A number to some digits with its unit; a dash for NaN."""
+    return f"{value:.{digits}g}{' ' + unit if unit else ''}" if math.isfinite(value) else "–"
