@@ -307,12 +307,15 @@ def _rule(document: dict[str, Any], units: dict[str, str], source: str, as_json:
         _print_json(as_plain(document | {"units": units, "source": source}))
         return
     for key, value in document.items():
+        if value == "":
+            continue
         text = plain(value, 5, units.get(key, "")) if isinstance(value, float) else str(value)
         print(f"{key.replace('_', ' '):24s} {text}")
     print(f"{'source':24s} {source}")
 
 
 Text = str | None
+_DIMENSIONLESS = dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-")
 
 
 @rules.command("bouncing")
@@ -339,14 +342,24 @@ def rules_bouncing(
     else:
         raise InputError("give --stroke-ratio, or --clearance with --frequency and --intensity")
     point = theory.collect_and_collide(r, e)
+    low, high, stable = theory.stroke_ratio_min(e), theory.stroke_ratio_max(e), theory.stroke_ratio_stable_max(e)
+    note = ""
+    if r < low:
+        note = f"does not exist: below X/X_opt = {low:.4g} the bed cannot keep up with two impacts per cycle"
+    elif r > high:
+        note = f"does not exist: above X/X_opt = {high:.4g} the wall just left catches the bed again"
+    elif r > stable:
+        note = f"exists, but is unstable above X/X_opt = {stable:.4g}; motions nearby give a similar loss factor"
     document = point._asdict() | {
         "stroke_ratio": r,
-        "stroke_ratio_min": theory.stroke_ratio_min(e),
+        "stroke_ratio_min": low,
         "stroke_ratio_best": theory.stroke_ratio_best(e),
-        "stroke_ratio_max": theory.stroke_ratio_max(e),
-        "stroke_ratio_stable_max": theory.stroke_ratio_stable_max(e),
+        "stroke_ratio_max": high,
+        "stroke_ratio_stable_max": stable,
+        "note": note,
     }
-    _rule(document, dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-"), "docs: theory, bouncing bed", as_json)
+    source = "exact for one body without gravity; optimum of Bannerman et al. (2011) and Sack et al. (2013)"
+    _rule(document, _DIMENSIONLESS, source, as_json)
 
 
 @rules.command("sliding")
@@ -373,8 +386,7 @@ def rules_bouncing_vertical(
     from graindamp.field import theory
 
     point = theory.bouncing_bed_vertical(_intensity("intensity", intensity) or 0.0)
-    units = dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-")
-    _rule(point._asdict(), units, "docs: theory, vertical bouncing", as_json)
+    _rule(point._asdict(), _DIMENSIONLESS, "exact for one plastic body on a shaken floor under gravity", as_json)
 
 
 @rules.command("coating")

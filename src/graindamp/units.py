@@ -41,10 +41,13 @@ def _registry() -> Any:
 
 
 def _spelled_for_pint(text: str, unit: str) -> str:
-    """`text` with the readings of this field: a lone g is gravity in an acceleration, % is 0.01, µ is micro."""
+    """`text` with the readings of this field: a lone g is gravity in an acceleration; a frequency counts cycles."""
     text = text.replace("·", " ").replace("²", "^2").replace("³", "^3")
     if unit == "m/s^2":
         text = re.sub(r"(?<![A-Za-z/])g(_n|n)?(?![A-Za-z])", "standard_gravity", text)
+    if unit == "Hz":  # pint drops the radian and would read 60 rpm as 6.28 Hz
+        text = re.sub(r"(?<![A-Za-z])rpm(?![A-Za-z])", "1/minute", text)
+        text = re.sub(r"(?<![A-Za-z])rad\s*/\s*s(?![A-Za-z])", f"1/s/{2 * math.pi!r}", text)
     return text
 
 
@@ -71,8 +74,6 @@ def to_si(value: float | int | str, unit: str) -> float:
 
 
 def _parse(text: str, unit: str, example: str) -> float:
-    import pint
-
     stripped = text.strip()
     try:
         return float(stripped)
@@ -82,6 +83,8 @@ def _parse(text: str, unit: str, example: str) -> float:
         raise ValueError(f"write a decimal point, not a comma; expected {example}")
     if not re.match(r"^[+-]?(\d|\.\d)", stripped):
         raise ValueError(f"expected {example}")
+    import pint
+
     registry = _registry()
     try:
         quantity = registry.Quantity(_spelled_for_pint(stripped, unit))

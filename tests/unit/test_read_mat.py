@@ -9,6 +9,7 @@ import pytest
 import scipy.io
 
 from graindamp.errors import InputError
+from graindamp.signals.readers.mat5 import read_mat5
 from graindamp.signals.readers.read import read_records
 
 FORCE, VELOCITY = np.array([1.0, -2.0, 3.0, 4.0]), np.array([0.5, 0.25, -0.5, 0.0])
@@ -146,3 +147,56 @@ def test_damaged_version_73(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:700])
     with pytest.raises(InputError, match=r"run\.mat: not a MATLAB file, or damaged"):
         read_records(path)
+
+
+@pytest.mark.parametrize("do_compression", [False, True])
+def test_variables_are_those_of_scipy(tmp_path: Path, do_compression: bool) -> None:
+    rng = np.random.default_rng(1)
+    variables = {
+        "double": rng.normal(size=(3, 4)),
+        "single": rng.normal(size=(1, 5)).astype(np.float32),
+        "int16": rng.integers(-99, 99, size=(2, 2, 2)).astype(np.int16),
+        "complex": rng.normal(size=(1, 3)) + 1j,
+        "logical": np.array([[True, False]]),
+        "empty": np.zeros((0, 3)),
+        "scalar": np.array([[51200.0]]),
+    }
+    scipy.io.savemat(tmp_path / "run.mat", variables | {"text": "Kräfte", "u": "kN"}, do_compression=do_compression)
+    found = read_mat5((tmp_path / "run.mat").read_bytes())
+    assert (found.pop("text"), found.pop("u")) == ("Kräfte", "kN")
+    expected = scipy.io.loadmat(tmp_path / "run.mat")
+    assert set(found) == set(variables)
+    for name, value in found.items():
+        np.testing.assert_array_equal(value, expected[name])
+
+
+def test_big_endian_file(tmp_path: Path) -> None:
+    def element(kind: int, body: bytes) -> bytes:
+        return kind.to_bytes(4, "big") + len(body).to_bytes(4, "big") + body + b"\0" * (-len(body) % 8)
+
+    def matrix(name: str, values: np.ndarray) -> bytes:
+        flags, shape = (6).to_bytes(4, "big") + bytes(4), np.array([1, values.size], dtype=">i4").tobytes()
+        parts = [(6, flags), (5, shape), (1, name.encode()), (9, values.astype(">f8").tobytes())]
+        return element(14, b"".join(element(*part) for part in parts))
+
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\1\0MI"
+    signals = {"force": FORCE, "velocity": VELOCITY, "fs": np.array([1000.0])}
+    (tmp_path / "run.mat").write_bytes(header + b"".join(matrix(*item) for item in signals.items()))
+    (record,) = read_records(tmp_path / "run.mat")
+    assert record.force.tolist() == FORCE.tolist()
+
+
+def test_no_damaged_byte_ends_in_anything_but_an_input_error(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    run = {"force": FORCE, "velocity": VELOCITY, "unit": "N"}
+    scipy.io.savemat(path, {"run": run, "fs": 1000.0, "cell": np.array([FORCE, "text"], dtype=object)})
+    whole = path.read_bytes()
+    n_refused = 0
+    for position in range(124, len(whole)):
+        value = (0, 5, 14, 255)[position % 4]
+        path.write_bytes(whole[:position] + bytes([value]) + whole[position + 1 :])
+        try:
+            read_records(path)
+        except InputError:
+            n_refused += 1
+    assert n_refused > 50

@@ -45,8 +45,7 @@ def n_harmonic_of(sampling_rate: float, frequency: float, at_most: int) -> int:
 
 def _solve(design: Real, signals: Real) -> Real:
     """Least squares by the normal equations: sines over whole cycles are nearly orthogonal, so nothing is lost."""
-    solution: Real = np.linalg.solve(design.T @ design, design.T @ signals)
-    return solution
+    return np.asarray(np.linalg.solve(design.T @ design, design.T @ signals), float)
 
 
 class Cycles(NamedTuple):
@@ -71,7 +70,7 @@ def fit_cycles(signals: Real, sampling_rate: float, frequency: float) -> Cycles:
     n_cycle = int((len(signals) + 1) * frequency / sampling_rate)
     start = np.ceil(np.arange(n_cycle + 1) * sampling_rate / frequency - 1e-6).astype(np.int64)
     start[-1] = min(start[-1], len(signals))
-    n_harmonic = n_harmonic_of(sampling_rate, frequency, 3)
+    n_harmonic = int(np.clip((sampling_rate / frequency - 2) // 2, 1, 3))  # fewer unknowns than samples in a cycle
     design = _design(np.arange(len(signals)) / sampling_rate, frequency, n_harmonic)
     amplitude = np.empty((n_cycle, signals.shape[1]), complex)
     for k in range(n_cycle):

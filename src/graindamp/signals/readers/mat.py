@@ -11,6 +11,7 @@ import scipy.io
 from graindamp.errors import InputError
 from graindamp.signals.readers.channels import Channel, named_channel
 from graindamp.signals.readers.facts import Facts, read_facts
+from graindamp.signals.readers.mat5 import is_mat5, read_mat5
 from graindamp.signals.readers.runs import Run, records_of
 from graindamp.signals.record import Record
 from graindamp.spec.measurement import ChannelsSpec
@@ -26,16 +27,16 @@ def read_mat(path: Path, spec: ChannelsSpec) -> list[Record]:
         InputError: damaged, without plain arrays, or channels, units or sampling rate missing or ambiguous.
     """
     try:
-        variables = _load_v73(path) if h5py.is_hdf5(path) else _load_v5(path)
+        variables = _load(path)
     except Exception as error:  # a damaged file raises anything, from zlib's errors to TypeError and MemoryError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: not a MATLAB file, or damaged ({reason}); save it again") from None
     runs = list(_runs(variables, path))
     if not any(run.channels for run in runs):
-        found = ", ".join(f"{name} ({_what(value)})" for name, value in variables.items()) or "nothing"
+        found = ", ".join(f"{name} ({_what(value)})" for name, value in variables.items() if name[:2] != "__")
         raise InputError(
-            f"{path}: holds no arrays of samples (found: {found}); tables, timetables and objects are not read, "
-            "save plain arrays: save('run.mat', 'force', 'velocity', 'fs')"
+            f"{path}: holds no arrays of samples (found: {found or 'nothing'}); tables, timetables and objects "
+            "are not read, save plain arrays: save('run.mat', 'force', 'velocity', 'fs')"
         )
     return records_of(runs, spec, path)
 
@@ -86,21 +87,20 @@ def _is_vector(value: Any) -> bool:
 def _what(value: Any) -> str:
     if isinstance(value, (dict, list)):
         return "struct" if isinstance(value, dict) else "cell"
-    return "x".join(str(n) for n in np.shape(value)) or type(value).__name__
+    return "object" if value is None else "x".join(str(n) for n in np.shape(value)) or type(value).__name__
 
 
-def _load_v5(path: Path) -> dict[str, Any]:
-    variables = scipy.io.loadmat(str(path), appendmat=False, squeeze_me=True, struct_as_record=False)
-    return {name: _plain_v5(value) for name, value in variables.items() if not name.startswith("__")}
-
-
-def _plain_v5(value: Any) -> Any:
-    """Struct as dict, struct array and cell array as list, anything else as it is."""
-    if isinstance(value, scipy.io.matlab.mat_struct):
-        return {name: _plain_v5(getattr(value, name)) for name in value._fieldnames}
-    if isinstance(value, np.ndarray) and value.dtype == object:
-        return [_plain_v5(element) for element in value.reshape(-1)]
-    return str(value) if isinstance(value, np.str_) else value
+def _load(path: Path) -> dict[str, Any]:
+    """Variables as arrays, text, dict for a struct, list for a struct array or cell array."""
+    if h5py.is_hdf5(path):
+        return _load_v73(path)
+    data = path.read_bytes()
+    if is_mat5(data):
+        return read_mat5(data)
+    if 0 not in data[:4]:
+        raise ValueError("its first bytes are of no version from 4 to 7.3")
+    variables: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False, squeeze_me=True)
+    return {name: str(value) if isinstance(value, np.str_) else value for name, value in variables.items()}
 
 
 def _load_v73(path: Path) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _load_v73(path: Path) -> dict[str, Any]:
 
 
 def _plain_v73(item: Any, file: Any) -> Any:
-    """As :func:`_plain_v5`. MATLAB transposes arrays, stores text as codes and struct arrays as references by field."""
+    """Value of an item. MATLAB transposes arrays, stores text as codes and struct arrays as references by field."""
     if isinstance(item, h5py.Group):
         fields = {name: _plain_v73(field, file) for name, field in item.items()}
         references = {name for name, field in item.items() if _is_reference(field) and not _matlab_class(field)}

@@ -1,0 +1,91 @@
+"""The map and the one-way imports of ARCHITECTURE.md, kept by reading every import of the package."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import graindamp
+
+ROOT = Path(graindamp.__file__).parent
+
+ALLOWED = {
+    "errors": set(),
+    "status": set(),
+    "units": set(),
+    "materials": {"errors"},
+    "spec": {"errors", "units", "materials"},
+    "signals": {"errors", "status", "units", "spec"},
+    "field": {"errors", "status", "units", "spec", "signals"},
+    "structure": {"errors", "units", "spec", "materials"},
+    "couple": {"errors", "status", "units", "spec", "field", "structure"},
+    "design": {"errors", "units", "couple", "field"},
+    "report": {"errors", "status", "units", "spec", "signals", "field", "structure", "couple", "design", "__init__"},
+    "cli": {
+        "errors",
+        "status",
+        "units",
+        "spec",
+        "signals",
+        "field",
+        "structure",
+        "couple",
+        "design",
+        "report",
+        "__init__",
+    },
+    "__init__": {"errors", "spec", "signals", "field", "couple"},
+}
+"""Each room and the rooms it may look into; a new room needs a row here and in ARCHITECTURE.md."""
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def imported_modules(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.add(node.module or "")
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+    return {name for name in names if name.split(".")[0] == "graindamp"}
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_point_one_way(path):
+    room = room_of(path)
+    assert room in ALLOWED, f"{room} is not on the map"
+    for module in imported_modules(path):
+        parts = module.split(".")
+        target = parts[1] if len(parts) > 1 else "__init__"
+        assert target == room or target in ALLOWED[room], f"{path} imports {module}"
+
+
+def loaded_by(statement: str) -> set[str]:
+    code = f"import sys; {statement}; print(' '.join(sorted(m.split('.')[0] for m in sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(out.stdout.split())
+
+
+def test_import_graindamp_is_light():
+    """Nothing heavy is loaded until it is used; the clock is left to the benchmarks."""
+    heavy = {"numpy", "scipy", "xarray", "pandas", "matplotlib", "pint", "pydantic", "h5py", "typer", "rich", "pyuff"}
+    assert not loaded_by("import graindamp") & heavy
+
+
+def test_unit_strings_alone_load_pint():
+    assert "pint" not in loaded_by("from graindamp.units import to_si; to_si('1.5', 'm')")
+    assert "pint" in loaded_by("from graindamp.units import to_si; to_si('1.5 mm', 'm')")
+
+
+def test_every_exported_name_exists():
+    for name in graindamp.__all__:
+        assert getattr(graindamp, name) is not None
+    assert set(graindamp.__all__) == set(graindamp._HOME)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = graindamp.nothing
