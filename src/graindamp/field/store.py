@@ -205,7 +205,7 @@ def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]]) ->
     columns: dict[str, NDArray[Any]] = {}
     has_comma = any("," in cell for _, cells in rows for cell in cells)
     for index, title in enumerate(names):
-        name, factor = _meaning(title)
+        name, factor = _meaning(path, title)
         if name is None:
             continue
         if name in columns:
@@ -226,7 +226,7 @@ def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]]) ->
     return columns
 
 
-def _meaning(title: str) -> tuple[str | None, float]:
+def _meaning(path: Path, title: str) -> tuple[str | None, float]:
     """Schema name of a column and the factor to its SI unit; (None, 1) for a column that means nothing here."""
     label, _, unit = title.partition("[")
     unit = unit.rstrip("] ").strip()
@@ -241,7 +241,7 @@ def _meaning(title: str) -> tuple[str | None, float]:
             return name, to_si(f"1 {unit}", "m/s^2") / STANDARD_GRAVITY
         return name, to_si(f"1 {unit}", TABLE[name].units.replace("1", ""))
     except ValueError as error:
-        raise InputError(f"column '{title}': {error}") from None
+        raise InputError(f"{path}: column '{title}': {error}") from None
 
 
 def _header_value(path: Path, header: Mapping[str, str], key: str, unit: str) -> float:
