@@ -49,6 +49,14 @@ def test_disk_gives_back_what_was_written(make, suffix, tmp_path):
     assert again.attrs["source"] == field.attrs["source"]
 
 
+def test_from_one_format_to_the_other(tmp_path):
+    write_field(random_field(4), tmp_path / "a.nc")
+    write_field(read_field(tmp_path / "a.nc"), tmp_path / "b.csv")
+    again = read_field(tmp_path / "b.csv")
+    xr.testing.assert_equal(again, random_field(4))
+    assert again.attrs["bed_mass"] == 0.3
+
+
 def test_failed_points_survive_the_disk(tmp_path):
     field = random_field(3)
     eta = field["loss_factor"].to_numpy().copy()

@@ -92,12 +92,14 @@ class ModeResult(NamedTuple):
         return tuple(state for state in self.equilibria if state.is_stable)
 
 
-def solve_mode(mode: LoadedMode, n_damper: int) -> ModeResult:
+def solve_mode(mode: LoadedMode, n_damper: int, with_capacity: bool = True) -> ModeResult:
     """All equilibria of a loaded mode.
 
     Args:
         mode: the mode with its drive and the dampers that take part.
         n_damper: number of all dampers, those on nodes included.
+        with_capacity: also find the forces that can be held, which takes as long again; without, they are found only
+            where there is no equilibrium, and NaN elsewhere.
     """
     efficient = sum(damper.bed_mass * shape**2 for damper, shape in zip(mode.dampers, mode.shape, strict=True))
     result = ModeResult(
@@ -119,9 +121,9 @@ def solve_mode(mode: LoadedMode, n_damper: int) -> ModeResult:
     box = search_box(mode)
     if isinstance(box, str):
         return result._replace(reason=box)
-    capacity = force_capacity(mode, box)
-    result = result._replace(**capacity._asdict())
     states = [_state(mode, x, y, n_damper) for x, y in find_roots(mode, box)]
+    if with_capacity or not states:
+        result = result._replace(**force_capacity(mode, box)._asdict())
     if states:
         return result._replace(equilibria=tuple(sorted(states, key=lambda state: state.modal_amplitude)))
     return result._replace(reason=_explain(mode, result))

@@ -169,7 +169,7 @@ def _solve_both(model: ModalModel, mode: int, force: float, dampers: Sequence[At
 def solve_modes_at(model: ModalModel, force: float, dampers: Sequence[Attached]) -> tuple[ModeResult, ...]:
     """All elastic modes of a model under one force amplitude [N] at its point 'drive'."""
     return tuple(
-        solve_mode(load_mode(model, mode, DRIVE, force, dampers), len(dampers))
+        solve_mode(load_mode(model, mode, DRIVE, force, dampers), len(dampers), with_capacity=False)
         for mode in np.flatnonzero(model.omega > 0).tolist()
     )
 

@@ -75,6 +75,7 @@ def read_field(path: str | Path, bed_mass: float | None = None) -> xr.Dataset:
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not a readable netCDF-4 file ({error})") from None
     check(field, where=str(path))
+    field.attrs["bed_mass"] = float(field.attrs["bed_mass"])
     return field
 
 

@@ -88,8 +88,16 @@ def _explain_one(detail: ErrorDetails, kind: type[Spec], where: str) -> str:
     key, help_text = _locate(kind, detail["loc"])
     place = f"{where}: {key}" if key else where
     message = detail["msg"].removeprefix("Value error, ")
+    if detail["type"] in ("model_type", "model_attributes_type"):
+        message = f"a table is needed, [{key}] in the file"
     if detail["type"] == "unknown_key":
         return f"{place}: {message}"
+    if detail["type"].startswith("union_tag"):
+        tag = str(detail["ctx"]["discriminator"]).strip("'")
+        tail = f"; {help_text}" if help_text else ""
+        if "expected_tags" not in detail["ctx"]:
+            return f"{place}.{tag}: is missing{tail}"
+        return f"{place}.{tag}: given '{detail['ctx']['tag']}'; allowed are {detail['ctx']['expected_tags']}{tail}"
     if detail["type"] == "missing":
         return f"{place}: is missing" + (f"; {help_text}" if help_text else "")
     given = (

@@ -1,0 +1,276 @@
+"""The command line as a person or a script meets it: output, files, messages, exit codes."""
+
+import json
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+
+from signals_made import linear_bed, record_of
+
+BED, CONTAINER = 0.132, 0.085
+
+
+def run(*words, cwd=None):
+    """Exit code, standard output and error stream of `graindamp words`."""
+    code = "from graindamp.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, cwd=cwd)
+    return done.returncode, done.stdout, done.stderr
+
+
+def as_json(*words, cwd=None):
+    code, out, err = run(*words, "--json", cwd=cwd)
+    assert code == 0, err
+    return json.loads(out)
+
+
+def error(*words, cwd=None):
+    """The message of a user's mistake: exit code 2, nothing on standard output, no traceback."""
+    code, out, err = run(*words, cwd=cwd)
+    assert code == 2, (code, err)
+    assert out == ""
+    assert "Traceback" not in err
+    return err
+
+
+@pytest.fixture(scope="session")
+def signals(tmp_path_factory):
+    """Nine operating points of a linear bed and their empty runs, with a delay of 20 us, in the layout of a rig."""
+    path = tmp_path_factory.mktemp("signals") / "signals.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["bed_mass_kg"], file.attrs["container_mass_kg"] = BED, CONTAINER
+        for i, f in enumerate((50.0, 100.0, 200.0)):
+            for j, gamma in enumerate((1.0, 4.0, 16.0)):
+                v = gamma * 9.80665 / (2 * np.pi * f)
+                options = {
+                    "frequency": f,
+                    "velocity_amplitude": v,
+                    "sampling_rate": 10_000.0,
+                    "container_mass": CONTAINER,
+                    "delay": 20e-6,
+                    "noise": 2e-3,
+                    "seed": 10 * i + j,
+                }
+                bed = linear_bed(0.2 + 0.1 * i + 0.05 * j, 0.5 - 0.1 * j, BED, f, v)
+                for name, force in ((f"f{f:g}_G{gamma:g}", bed), (f"empty_f{f:g}_G{gamma:g}", lambda angle: 0 * angle)):
+                    record = record_of(force, **options)
+                    group = file.create_group(name)
+                    group["force"], group["velocity"] = record.force, record.motion
+                    group.attrs["sampling_rate_hz"], group.attrs["frequency_hz"] = 10_000.0, f
+                    group.attrs["nominal_intensity"] = gamma
+    return path
+
+
+@pytest.fixture(scope="session")
+def field(signals):
+    path = signals.parent / "field.nc"
+    code, out, err = run("analyze", signals, "-o", path)
+    assert code == 0, err
+    assert str(path) in out
+    return path
+
+
+PROJECT = """
+[structure]
+kind = "beam"
+length = "1.8 m"
+bending_stiffness = "9930 N m^2"
+mass_per_length = "2.89 kg/m"
+n_mode = 2
+damping = {{ kind = "modal", ratio = "0.5 %" }}
+[[dampers]]
+point = "1.765 m"
+field = "{field}"
+container_mass = "0.2 kg"
+[drive]
+point = "5 cm"
+force = "5 N"
+"""
+
+
+def test_signals_to_field(signals, field):
+    document = as_json("analyze", signals)
+    assert document["layout"] == "grid"
+    assert document["bed_mass"] == BED
+    assert len(document["records"]) == 9
+    for point in document["points"]:
+        i, j = [50, 100, 200].index(point["frequency"]), [1, 4, 16].index(point["intensity"])
+        assert abs(point["loss_factor"] - (0.2 + 0.1 * i + 0.05 * j)) < 5 * point["loss_factor_se"]
+        assert abs(point["effective_mass_ratio"] - (0.5 - 0.1 * j)) < 5 * point["effective_mass_ratio_se"]
+    shown = as_json("show", field)
+    assert [p["loss_factor"] for p in shown["points"]] == [p["loss_factor"] for p in document["points"]]
+
+
+def test_show_draws_and_converts(field, tmp_path):
+    code, out, _ = run("show", field, "--convert", tmp_path / "field.csv", cwd=tmp_path)
+    assert code == 0
+    assert "η [-]" in out
+    assert (tmp_path / "field.png").stat().st_size > 10_000
+    again = as_json("show", tmp_path / "field.csv")
+    assert again["points"] == as_json("show", field)["points"]
+
+
+def test_prediction_and_its_files(field, tmp_path):
+    project = tmp_path / "beam.toml"
+    project.write_text(PROJECT.format(field=field) + '[response]\nband = ["20 Hz", "250 Hz"]\nn_frequency = 50\n')
+    code, _, err = run("predict", project, cwd=tmp_path)
+    assert code == 0, err
+    folder = tmp_path / "beam-report"
+    assert {path.name for path in folder.iterdir()} >= {
+        "report.html", "result.json", "damping.csv", "field.png", "damping.png", "balance.png", "response.png"
+    }  # fmt: skip
+    page = (folder / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 4
+    assert "http://" not in page
+    assert "https://" not in page
+    document = as_json("predict", project)
+    assert json.loads((folder / "result.json").read_text()) == document
+    for mode in document["modes"]:
+        (state,) = mode["equilibria"]
+        assert 0.005 < state["damping_ratio"] < 0.1
+        assert state["damping_ratio_se"] > 0
+        assert mode["fixed_point"]["converged"]
+
+
+@pytest.mark.slow
+def test_demo(tmp_path):
+    """The main job; its numbers are those of shipped data and may change only with the method."""
+    document = as_json("demo", "--out", tmp_path / "demo")
+    states = {(m["number"], m["force"]): m["equilibria"] for m in document["modes"]}
+    assert len(states) == 12
+    assert all(len(state) == 1 and state[0]["is_stable"] for state in states.values())
+    first = states[1, 2.0][0]
+    assert first["damping_ratio"] == pytest.approx(0.0138, abs=3 * first["damping_ratio_se"])
+    assert not first["extrapolated"]
+    assert states[4, 2.0][0]["extrapolated"]
+    assert (tmp_path / "demo" / "report.html").exists()
+    eta = {(p["frequency"], p["intensity"]): p["loss_factor"] for p in document["measurement"]["points"]}
+    assert len(eta) == 30
+    assert max(eta, key=eta.get) == (63.0, 40.0)
+    again = as_json("predict", tmp_path / "demo" / "project.toml")
+    assert again["modes"] == document["modes"]
+
+
+def test_rules_as_documented():
+    bounce = as_json("rules", "bouncing", "--stroke-ratio", 2, "--restitution", 0.2)
+    assert bounce["exists"] is True
+    assert bounce["branch"] == "symmetric-two-impact"
+    assert bounce["loss_factor"] == pytest.approx(0.8176, abs=5e-5)  # digits given
+    assert bounce["effective_mass_ratio"] == pytest.approx(0.9450, abs=5e-5)
+    assert bounce["stroke_ratio_min"] == pytest.approx(0.6137, abs=5e-5)
+    gone = as_json("rules", "bouncing", "--stroke-ratio", 0.3)
+    assert gone["exists"] is False
+    assert gone["loss_factor"] is None
+    slide = as_json("rules", "sliding", "--intensity", 0.2, "--friction", 0.1)
+    assert slide["loss_factor"] == pytest.approx(0.3941, abs=5e-5)
+    assert slide["effective_mass_ratio"] == pytest.approx(0.5)
+    hop = as_json("rules", "bouncing-vertical", "--intensity", "1.5 g")
+    assert hop["loss_factor"] == pytest.approx(0.2399, abs=5e-5)
+    wall = as_json("rules", "coating", "--frequency", "60 Hz", "--bed-length", "50 mm")
+    assert wall["wall_modulus"] == pytest.approx(0.4398e6, rel=1e-3)  # standard gravity against 9.81
+    back = as_json("rules", "coating", "--wall-modulus", "0.72 MPa", "--n-line", 20)
+    assert back["frequency"] == pytest.approx(70.7, abs=0.1)
+    gap = as_json("rules", "clearance", "--frequency", 60)
+    assert gap["clearance"] == pytest.approx(3.253e-3, rel=1e-3)  # likewise
+    same = as_json("rules", "clearance", "--clearance", f"{gap['clearance']} m")
+    assert same["frequency"] == pytest.approx(60)
+    bound = as_json("rules", "efficiency", "--bed-mass", "350 g", "--shape-squared", 0.332)
+    assert bound["damping_ratio"] == pytest.approx(0.052, abs=5e-4)  # printed as 5.2 %
+    code, out, _ = run("rules", "bouncing", "--clearance", "3 mm", "--frequency", 100, "--intensity", "40 g")
+    assert code == 0
+    assert "loss factor" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("rules", "bouncing", "--stroke-ratio", "abc"), ["--stroke-ratio", "'abc'"]),
+        (("rules", "bouncing", "--stroke-ratio", "2", "--restitution", "1"), ["restitution", "1"]),
+        (("rules", "bouncing"), ["--stroke-ratio", "--clearance"]),
+        (("rules", "sliding", "--intensity", "1 kg", "--friction", "0.1"), ["--intensity", "[mass]"]),
+        (("rules", "sliding", "--intensity", "1", "--friction", "0"), ["friction"]),
+        (("rules", "sliding", "--intensity", "nan", "--friction", "0.1"), ["--intensity"]),
+        (("rules", "coating", "--frequency", "60"), ["n-line"]),
+        (("rules", "clearance"), ["--frequency", "--clearance"]),
+        (("rules", "efficiency", "--bed-mass", "1 kg"), ["--shape-squared", "--modal-mass"]),
+        (("analyze", "nothing.h5"), ["nothing.h5"]),
+        (("analyze", "."), ["."]),
+        (("predict", "nothing.toml"), ["nothing.toml", "cannot be opened"]),
+        (("show", "nothing.nc"), ["nothing.nc", "no such file"]),
+        (("show", "nothing.txt"), [".nc", ".csv"]),
+        (("analyze", "a.h5", "-o", "field.txt"), ["field.txt", ".nc or .csv"]),
+        (("analyse",), ["analyse"]),
+        (("rules", "bouncing", "--stroke", "2"), ["--stroke"]),
+    ],
+)
+def test_mistakes_get_one_message_and_exit_code_2(words, parts, tmp_path):
+    err = error(*words, cwd=tmp_path)
+    for part in parts:
+        assert part in err
+
+
+def test_messages_about_measurements(signals, tmp_path):
+    with h5py.File(signals) as file:
+        force, velocity = file["f50_G1/force"][:], file["f50_G1/velocity"][:]
+    rows = "".join(f"{k / 10_000:.4f},{a:.8g},{b:.8g}\n" for k, (a, b) in enumerate(zip(force, velocity, strict=True)))
+    run_file = tmp_path / "run.csv"
+    run_file.write_text("time [s],force [N],velocity [m/s]\n" + rows)
+    assert "--bed-mass" in error("analyze", run_file)
+    assert "--container-mass" in error("analyze", run_file, "--bed-mass", "132 g")
+    alone = ("analyze", run_file, "--bed-mass", "132 g", "--container-mass", "85 g")
+    code, _, err = run(*alone)
+    assert code == 0
+    assert "no empty-container run" in err
+    point = as_json(*alone, "--empty", signals)["points"][0]
+    assert abs(point["loss_factor"] - 0.2) < 5 * point["loss_factor_se"]
+    broken = np.where(np.arange(len(force)) == 50, np.nan, force)
+    with h5py.File(tmp_path / "broken.h5", "w") as file:
+        file["force"], file["velocity"] = broken, velocity
+        file.attrs.update(sampling_rate_hz=10_000.0, bed_mass_kg=BED, container_mass_kg=CONTAINER)
+    assert "NaN" in error("analyze", tmp_path / "broken.h5")
+
+
+def test_a_bad_record_does_not_lose_the_others(signals, tmp_path):
+    copy = tmp_path / "partly.h5"
+    copy.write_bytes(signals.read_bytes())
+    with h5py.File(copy, "r+") as file:
+        file["f100_G4/force"][77] = np.nan
+    code, _, err = run("analyze", copy, "-o", tmp_path / "field.nc")
+    assert code == 0
+    assert "f100_G4" in err
+    assert "NaN" in err
+    points = as_json("show", tmp_path / "field.nc")["points"]
+    assert [p["loss_factor"] is None for p in points].count(True) == 1
+    project = tmp_path / "p.toml"
+    project.write_text(PROJECT.format(field="field.nc"))
+    assert as_json("predict", project)["modes"][0]["equilibria"]
+
+
+def test_a_description_with_its_own_files(signals, tmp_path):
+    description = tmp_path / "rig.toml"
+    description.write_text(f'files = ["{signals}"]\nname = "jar"\nclearance = "3 mm"\nskip_cycles = 4\n')
+    document = as_json("analyze", description)
+    assert document["damper"]["name"] == "jar"
+    assert document["damper"]["clearance"] == pytest.approx(3e-3)
+    assert all(record["n_skipped"] == 4 for record in document["records"])
+    assert "alone" in error("analyze", description, signals)
+
+
+def test_version_and_help():
+    assert run("--version")[1].startswith("graindamp ")
+    code, out, _ = run("--help")
+    assert code == 0
+    for command in ("demo", "analyze", "predict", "rules", "show"):
+        assert command in out
+
+
+def test_defects_are_told_from_mistakes(tmp_path):
+    """Anything unforeseen ends with exit code 1 and one message; GRAINDAMP_DEBUG shows where."""
+    code = "import graindamp.cli as c; c._rule = None; c.main()"
+    words = [sys.executable, "-c", code, "rules", "sliding", "--intensity", "1", "--friction", "0.1"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "internal error" in done.stderr
+    assert "Traceback" not in done.stderr
