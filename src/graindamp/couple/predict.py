@@ -47,6 +47,15 @@ class Study(NamedTuple):
     """(value, mode)."""
 
 
+class ShapeCurves(NamedTuple):
+    """Mode shapes along a beam that carries its containers."""
+
+    position: Real
+    """[m], shape (position,)."""
+    shape: Real
+    """Mass-normalised [kg^-1/2], elastic modes only, shape (position, mode)."""
+
+
 class Prediction(NamedTuple):
     """All that was asked of a project."""
 
@@ -63,6 +72,10 @@ class Prediction(NamedTuple):
     responses: tuple[tuple[Response, Response], ...]
     """Upward and downward sweep of each force; empty where none was asked for."""
     studies: tuple[Study, ...]
+    places: dict[str, float | str]
+    """Position [m] or point of the modes of the drive and of each damper, by name."""
+    shapes: ShapeCurves | None
+    """Mode shapes of a beam; None for modes that were typed in or read."""
     warnings: tuple[str, ...]
 
 
@@ -107,6 +120,8 @@ def predict(project: ProjectSpec, folder: str | Path = ".", progress: Progress =
         tuple(modes),
         tuple(responses),
         tuple(_studies(project, model, dampers, folder, progress)),
+        {name: place for name, place in _named_places(project, None).items() if name != OUTPUT},
+        _shapes(project, folder),
         tuple(_warnings(modes, model)),
     )
 
@@ -128,6 +143,11 @@ def _field_of(damper: AttachedSpec, folder: Path) -> xr.Dataset:
 
 def _model_of(project: ProjectSpec, folder: str | Path, first_position: float | None = None) -> ModalModel:
     """Modal model with the containers on it; the first damper at `first_position` [m] if given."""
+    places = _named_places(project, first_position)
+    return modal_model_of(project.structure, places, _containers(project, places), folder)
+
+
+def _named_places(project: ProjectSpec, first_position: float | None) -> dict[str, float | str]:
     is_beam = isinstance(project.structure, BeamSpec)
     places: dict[str, float | str] = {
         damper.name: _place(damper.point, is_beam, f"dampers '{damper.name}' point") for damper in project.dampers
@@ -137,17 +157,30 @@ def _model_of(project: ProjectSpec, folder: str | Path, first_position: float | 
     output = project.response.output if project.response and project.response.output is not None else None
     places[DRIVE] = _place(project.drive.point, is_beam, "drive.point")
     places[OUTPUT] = places[project.dampers[0].name] if output is None else _place(output, is_beam, "response.output")
-    containers = [
-        PointMassSpec(position=float(places[damper.name]), mass=damper.container_mass, name=f"container {damper.name}")
-        for damper in project.dampers
-        if damper.container_mass > 0 and is_beam
-    ]
-    if not is_beam and any(damper.container_mass > 0 for damper in project.dampers):
+    return places
+
+
+def _containers(project: ProjectSpec, places: dict[str, float | str]) -> list[PointMassSpec]:
+    """Containers as point masses on the beam."""
+    heavy = [damper for damper in project.dampers if damper.container_mass > 0]
+    if heavy and not isinstance(project.structure, BeamSpec):
         raise InputError(
             "dampers: container_mass is given, but modes that were typed in or read from a file cannot take it; use "
             "modes of the structure with the empty containers, and leave container_mass out"
         )
-    return modal_model_of(project.structure, places, containers, folder)
+    return [
+        PointMassSpec(position=float(places[damper.name]), mass=damper.container_mass, name=f"container {damper.name}")
+        for damper in heavy
+    ]
+
+
+def _shapes(project: ProjectSpec, folder: str | Path) -> ShapeCurves | None:
+    if not isinstance(project.structure, BeamSpec):
+        return None
+    position = np.linspace(0.0, project.structure.length, 91)
+    named = _named_places(project, None) | {f"{k} along": float(x) for k, x in enumerate(position)}
+    model = modal_model_of(project.structure, named, _containers(project, named), folder)
+    return ShapeCurves(position, model.shape[len(named) - len(position) :, model.omega > 0])
 
 
 def _place(point: Point, is_beam: bool, key: str) -> float | str:

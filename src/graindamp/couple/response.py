@@ -151,11 +151,11 @@ def _motion(one: _Linear, dampers: Sequence[Attached], amplitude: Real) -> Compl
     return np.asarray(np.linalg.solve(matrix, one.free), complex)
 
 
-def _all_amplitudes(linear: _Linear, damper: Attached, n_sample: int = 300) -> list[Real]:
+def _all_amplitudes(linear: _Linear, damper: Attached, n_sample: int = 150) -> list[Real]:
     """Every amplitude [m] that balances one damper, at every frequency, by sign changes on a fine grid, bisected."""
     omega2 = ((2 * np.pi * linear.frequency) ** 2)[:, None]
-    low, high = np.log(np.array(damper.field.intensity_range) * np.array([1e-7, 1e3]))
-    # Amplitudes of the linear limits bracket every solution below and above the field, where it is held constant.
+    low, high = np.log(np.array(damper.field.intensity_range) * np.array([1e-4, 30.0]))
+    # Below and above the field it is held constant: the damper is linear there, and Newton's method finds the rest.
     grid = np.unique(np.concatenate([np.linspace(low, high, n_sample), damper.field.breaks()[1]]))
 
     def excess(log_gamma: Real, rows: NDArray[np.int64] | slice) -> Real:

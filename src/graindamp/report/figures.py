@@ -144,8 +144,16 @@ def cycles(points: Sequence[OperatingPoint], columns: int = 5) -> Figure:
     """Loss factor and effective mass ratio of every cycle used, a panel per record."""
     shown = [point for point in points if point.n_cycle]
     rows = max(1, -(-len(shown) // columns))
-    figure = Figure(figsize=(2.6 * columns, 1.9 * rows), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    figure = Figure(figsize=(2.6 * columns, 1.9 * rows + 0.3))
+    grid = {
+        "hspace": 0.5,
+        "wspace": 0.3,
+        "left": 0.06,
+        "right": 0.99,
+        "top": 1 - 0.35 / (1.9 * rows),
+        "bottom": 0.9 / (2 * rows + 1),
+    }
+    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid)).ravel()
     for axes, point in zip(panels, shown, strict=False):
         number = point.n_skipped + np.arange(point.n_cycle)
         for values, mean, error, color, label in (
@@ -232,9 +240,29 @@ def responses(prediction: Prediction, linear: Response | None = None) -> Figure:
             axes.loglog(down.frequency, back, "--", color=COLORS[k % 8], lw=1.0, label=f"{force:g} N, downwards")
     axes.set(xlabel="frequency f [Hz]", ylabel="mobility |v/F| [m/(N s)]")
     _log_axis(axes.xaxis)
-    axes.grid(True, which="both", alpha=0.25)
+    axes.grid(True, alpha=0.3)
     axes.legend(fontsize=8)
     axes.set_title("Response at fixed force, all modes and dampers", fontsize=10)
+    return figure
+
+
+def mode_shapes(prediction: Prediction) -> Figure:
+    """Mode shapes along a beam, with the places of drive and dampers."""
+    assert prediction.shapes is not None
+    figure = Figure(figsize=(8.5, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for j, mode in enumerate(prediction.modes[0]):
+        name = f"mode {mode.result.number}, {mode.result.bare_frequency:.1f} Hz"
+        axes.plot(prediction.shapes.position, prediction.shapes.shape[:, j], color=COLORS[j % 8], label=name)
+    axes.axhline(0, color="black", lw=0.6)
+    for name, place in prediction.places.items():
+        if isinstance(place, float):
+            axes.axvline(place, ls="--", color="black", lw=0.9)
+            axes.annotate(f" {name}", (place, axes.get_ylim()[1]), rotation=90, va="top", ha="right", fontsize=8)
+    axes.set(xlabel="position [m]", ylabel="shape φ [kg$^{-1/2}$]")
+    axes.grid(True, alpha=0.25)
+    figure.legend(fontsize=8, loc="outside lower center", ncols=len(prediction.modes[0]))
+    axes.set_title("Mass-normalised mode shapes with empty containers", fontsize=10)
     return figure
 
 
@@ -265,7 +293,9 @@ def balances(prediction: Prediction) -> Figure:
                     color=COLORS[k % 8] if state.is_stable else "white",
                     mec=COLORS[k % 8],
                 )
-        axes.grid(True, which="both", alpha=0.2)
+        axes.grid(True, alpha=0.3)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     for axes in panels[len(elastic) :]:
         axes.set_axis_off()
     panels[0].legend(fontsize=7)

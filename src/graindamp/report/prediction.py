@@ -87,7 +87,9 @@ def write_prediction(
         table = resonance_table(prediction)
         sections.append(Section("Response", "", (table,) if table else (), ((drawn, "Mobility at fixed force."),)))
     for study in prediction.studies:
-        drawn = picture(f"study-{study.name.split()[0]}", figures.study(study))
+        name = f"study-{study.name.split()[0]}"
+        drawn = picture(name, figures.study(study))
+        write_table(study_table(study), folder / f"{name}.csv")
         sections.append(Section(f"Study over {study.name}", "", (study_table(study),), ((drawn, "Every mode."),)))
     document = prediction_document(prediction)
     if measurement is not None:
@@ -103,7 +105,11 @@ def write_prediction(
 
 
 def _damping_section(prediction: Prediction, picture: Callable[[str, Figure], Path]) -> Section:
+    shapes: tuple[tuple[Path, str], ...] = ()
+    if prediction.shapes is not None:
+        shapes = ((picture("shapes", figures.mode_shapes(prediction)), "Mode shapes and where drive and dampers sit."),)
     drawn = (
+        *shapes,
         (picture("damping", figures.damping_bars(prediction)), "Damping ratio of each mode under each force."),
         (picture("balance", figures.balances(prediction)), "Where the force held meets the force given."),
     )
