@@ -33,6 +33,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document (S
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    # The matrices here are small: threads of the linear algebra would only wait for one another, at full load.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app(standalone_mode=True)
     except InputError as error:

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from graindamp.errors import InputError
-from graindamp.field.schema import check, is_grid
+from graindamp.field.schema import check, is_grid, places_of
 from graindamp.status import FATAL
 
 Real = NDArray[np.float64]
@@ -69,15 +69,8 @@ class Interpolant:
             x, y = np.log(field["frequency"].to_numpy()), np.log(field["intensity"].to_numpy())
             self._surface: _Grid | _Triangles = _Grid(x, y, values)
         else:
-            f, gamma = (
-                xr.broadcast(field["frequency"], field["intensity"])
-                if is_grid(field)
-                else (
-                    field["frequency"],
-                    field["intensity"],
-                )
-            )
-            points = np.log(np.column_stack([f.to_numpy()[usable], gamma.to_numpy()[usable]]))
+            f, gamma = places_of(field)
+            points = np.log(np.column_stack([f[usable], gamma[usable]]))
             self._surface = _Triangles(points, values[:, usable])
 
     def beyond(self, outside: Outside) -> "Interpolant":

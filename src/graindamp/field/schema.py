@@ -131,6 +131,13 @@ def is_grid(field: xr.Dataset) -> bool:
     return tuple(field["loss_factor"].dims) == GRID
 
 
+def places_of(field: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequency [Hz] and intensity [-] of every operating point, both shaped like the variables of the field."""
+    axes = field["frequency"], field["intensity"]
+    f, gamma = xr.broadcast(*axes) if is_grid(field) else axes
+    return f.to_numpy(), gamma.to_numpy()
+
+
 def damper_of(field: xr.Dataset) -> dict[str, Any]:
     """Description of the damper a field belongs to; empty if none was kept."""
     description: dict[str, Any] = json.loads(field.attrs.get("damper", "{}"))
@@ -195,26 +202,17 @@ def _check_values(field: xr.Dataset, where: str) -> None:
     for name in ("loss_factor_se", "effective_mass_ratio_se"):
         if np.any(field[name].to_numpy() < 0):
             raise InputError(f"{where}: {name} is negative somewhere; standard errors are 0 or more, NaN if unknown")
-    f, gamma = (
-        xr.broadcast(field["frequency"], field["intensity"])
-        if is_grid(field)
-        else (
-            field["frequency"],
-            field["intensity"],
-        )
-    )
-    velocity = gamma.to_numpy() * STANDARD_GRAVITY / (2 * np.pi * f.to_numpy())
+    f, gamma = places_of(field)
+    velocity = gamma * STANDARD_GRAVITY / (2 * np.pi * f)
     scale = np.pi * bed_mass * velocity**2
     energy = field["dissipated_energy"].to_numpy()
     with np.errstate(invalid="ignore"):
         wrong = usable & (np.abs(energy / scale - eta) > 0.1 * np.maximum(np.abs(eta), 0.01))
-        wrong |= usable & (
-            np.abs(field["power"].to_numpy() - energy * f.to_numpy()) > 0.1 * np.abs(energy * f.to_numpy())
-        )
+        wrong |= usable & (np.abs(field["power"].to_numpy() - energy * f) > 0.1 * np.abs(energy * f))
     if np.any(wrong):
         i = np.flatnonzero(wrong)[0]
         raise InputError(
-            f"{where}: at {f.to_numpy().flat[i]:g} Hz, {gamma.to_numpy().flat[i]:g} the dissipated energy per cycle "
+            f"{where}: at {f.flat[i]:g} Hz, {gamma.flat[i]:g} the dissipated energy per cycle "
             f"is {energy.flat[i]:.4g} J, eta = {eta.flat[i]:.4g} asks for {(scale * eta).flat[i]:.4g} J and power = "
             "energy times frequency; check units (J per cycle, W) and bed_mass, or leave both columns out"
         )

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from graindamp.errors import InputError
-from graindamp.field.schema import TABLE, check, damper_of, is_grid, make_field
+from graindamp.field.schema import TABLE, check, damper_of, make_field, places_of
 from graindamp.units import STANDARD_GRAVITY, to_si
 
 SUFFIXES = (".nc", ".csv")
@@ -86,14 +86,9 @@ def _check_suffix(path: Path) -> None:
 
 def table_of(field: xr.Dataset) -> dict[str, NDArray[Any]]:
     """Columns of a field, one row per operating point, frequency first."""
-    if is_grid(field):
-        grid = xr.broadcast(field["frequency"], field["intensity"])
-        axes = {axis.name: axis.to_numpy().ravel() for axis in grid}
-    else:
-        axes = {name: field[name].to_numpy() for name in ("frequency", "intensity")}
-    return {str(name): column for name, column in axes.items()} | {
-        name: field[name].to_numpy().ravel() for name in TABLE if name in field.data_vars
-    }
+    f, gamma = places_of(field)
+    axes = {"frequency": f.ravel(), "intensity": gamma.ravel()}
+    return axes | {name: field[name].to_numpy().ravel() for name in TABLE if name in field.data_vars}
 
 
 def _to_csv(field: xr.Dataset) -> str:

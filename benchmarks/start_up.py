@@ -1,0 +1,104 @@
+"""How long until graindamp answers: import, help, a rule, analysis and the whole demo, each in a fresh process.
+
+Usage: python benchmarks/start_up.py [--repeat 5] [--out FILE.md]
+
+Prints wall-clock minimum, median and maximum, and checks every answer. The first run of each command warms the disk
+cache and is not counted.
+"""
+
+import argparse
+import json
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from datetime import date
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+
+LIMIT_IMPORT = 0.5
+"""`import graindamp` stays under this [s], interpreter included."""
+
+
+def run(*words: str) -> str:
+    """Standard output of a Python process."""
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True).stdout
+
+
+def graindamp(*words: str) -> str:
+    """Standard output of a graindamp command."""
+    return run("-c", "from graindamp.cli import main; main()", *words)
+
+
+def questions(folder: Path) -> dict[str, tuple[Callable[[], str], Callable[[str], bool]]]:
+    """What is timed, and what its answer must be."""
+    signals = str(files("graindamp") / "data" / "demo-signals.h5")
+    slide = ("rules", "sliding", "--intensity", "0.2", "--friction", "0.1", "--json")
+    return {
+        "import graindamp": (
+            lambda: run("-c", "import graindamp; print(graindamp.__version__)"),
+            lambda out: "." in out,
+        ),
+        "graindamp --help": (lambda: graindamp("--help"), lambda out: "analyze" in out),
+        "graindamp rules sliding": (
+            lambda: graindamp(*slide),
+            lambda out: abs(json.loads(out)["loss_factor"] - 0.39406) < 1e-5,
+        ),
+        "graindamp analyze (36 records)": (
+            lambda: graindamp("analyze", signals, "--json"),
+            lambda out: len(json.loads(out)["points"]) == 30,
+        ),
+        "graindamp demo": (
+            lambda: graindamp("demo", "--out", str(folder), "--json"),
+            lambda out: all(mode["equilibria"] for mode in json.loads(out)["modes"]),
+        ),
+    }
+
+
+def processor() -> str:
+    """Model name of the processor."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.processor())
+
+
+def main() -> None:
+    """Time, check, print, and write what was printed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    lines = [
+        f"# Start-up times, {date.today().isoformat()}",
+        "",
+        f"{processor()}, Python {platform.python_version()}, numpy {version('numpy')}, xarray {version('xarray')}, "
+        f"matplotlib {version('matplotlib')}; wall clock [s] of a whole process, {options.repeat} runs",
+        "",
+        "| command | minimum | median | maximum |",
+        "| --- | --: | --: | --: |",
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (ask, is_right) in questions(Path(folder)).items():
+            seconds = []
+            for _ in range(options.repeat + 1):
+                start = time.perf_counter()
+                answer = ask()
+                seconds.append(time.perf_counter() - start)
+                if not is_right(answer):
+                    sys.exit(f"{name}: wrong answer: {answer[:200]}")
+            counted = seconds[1:]
+            median = statistics.median(counted)
+            lines.append(f"| {name} | {min(counted):.2f} | {median:.2f} | {max(counted):.2f} |")
+            if name.startswith("import") and median > LIMIT_IMPORT:
+                sys.exit(f"import graindamp takes {median:.2f} s, more than {LIMIT_IMPORT} s")
+    text = "\n".join(lines) + "\n"
+    print(text)
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
