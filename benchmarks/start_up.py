@@ -31,7 +31,7 @@ def run(*words: str) -> str:
 
 def graindamp(*words: str) -> str:
     """Standard output of a graindamp command."""
-    return run("-c", "from graindamp.cli import main; main()", *words)
+    return run("-c", "from graindamp.cli.main import main; main()", *words)
 
 
 def questions(folder: Path) -> dict[str, tuple[Callable[[], str], Callable[[str], bool]]]:

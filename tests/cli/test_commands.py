@@ -15,8 +15,9 @@ BED, CONTAINER = 0.132, 0.085
 
 def run(*words, cwd=None):
     """Exit code, standard output and error stream of `graindamp words`."""
-    code = "from graindamp.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, cwd=cwd)
+    done = subprocess.run(
+        [sys.executable, "-m", "graindamp", *map(str, words)], capture_output=True, text=True, cwd=cwd
+    )
     return done.returncode, done.stdout, done.stderr
 
 
@@ -267,7 +268,7 @@ def test_version_and_help():
 
 def test_defects_are_told_from_mistakes(tmp_path):
     """Anything unforeseen ends with exit code 1 and one message; GRAINDAMP_DEBUG shows where."""
-    code = "import graindamp.cli as c; c._rule = None; c.main()"
+    code = "import graindamp.cli.rules as r, graindamp.cli.main as m; r._rule = None; m.main()"
     words = [sys.executable, "-c", code, "rules", "sliding", "--intensity", "1", "--friction", "0.1"]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 1

@@ -1,0 +1,184 @@
+"""`graindamp rules`: closed forms and design formulas, each with its source."""
+
+from typing import Annotated, Any
+
+import typer
+
+from graindamp.cli.options import AsJson, need_option, print_json, read_intensity
+from graindamp.errors import InputError
+from graindamp.units import STANDARD_GRAVITY
+
+rules = typer.Typer(no_args_is_help=True, help="Closed-form rules: fields of idealised beds, and design formulas.")
+
+
+def _rule(document: dict[str, Any], units: dict[str, str], source: str, as_json: bool) -> None:
+    """A rule's answer: JSON, or one line per value with its unit and the source."""
+    from graindamp.report.wording import plain
+
+    if as_json:
+        from graindamp.report.document import plain as as_plain
+
+        print_json(as_plain(document | {"units": units, "source": source}))
+        return
+    for key, value in document.items():
+        if value == "":
+            continue
+        text = plain(value, 5, units.get(key, "")) if isinstance(value, float) else str(value)
+        print(f"{key.replace('_', ' '):24s} {text}")
+    print(f"{'source':24s} {source}")
+
+
+Text = str | None
+_DIMENSIONLESS = dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-")
+
+
+@rules.command("bouncing")
+def rules_bouncing(
+    stroke_ratio: Annotated[Text, typer.Option(help="Stroke over its optimum, X / (h / pi) [-].")] = None,
+    restitution: Annotated[str, typer.Option(help="Restitution of bed and wall [-], 0 to below 1.")] = "0",
+    clearance: Annotated[Text, typer.Option(help="Free travel h [m]; with frequency and intensity.")] = None,
+    frequency: Annotated[Text, typer.Option(help="Driving frequency [Hz].")] = None,
+    intensity: Annotated[Text, typer.Option(help="Intensity [-], or an acceleration such as '20 g'.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Bed thrown from wall to wall (collect and collide), no gravity."""
+    from math import pi
+
+    from graindamp.field import theory
+
+    e = need_option("restitution", restitution, "")
+    if stroke_ratio is not None:
+        r = need_option("stroke-ratio", stroke_ratio, "")
+    elif clearance is not None and frequency is not None and intensity is not None:
+        omega = 2 * pi * need_option("frequency", frequency, "Hz")
+        level = read_intensity("intensity", intensity) or 0.0
+        r = level * STANDARD_GRAVITY / omega**2 * pi / need_option("clearance", clearance, "m")
+    else:
+        raise InputError("give --stroke-ratio, or --clearance with --frequency and --intensity")
+    point = theory.collect_and_collide(r, e)
+    low, high, stable = theory.stroke_ratio_min(e), theory.stroke_ratio_max(e), theory.stroke_ratio_stable_max(e)
+    note = ""
+    if r < low:
+        note = f"does not exist: below X/X_opt = {low:.4g} the bed cannot keep up with two impacts per cycle"
+    elif r > high:
+        note = f"does not exist: above X/X_opt = {high:.4g} the wall just left catches the bed again"
+    elif r > stable:
+        note = f"exists, but is unstable above X/X_opt = {stable:.4g}; motions nearby give a similar loss factor"
+    document = point._asdict() | {
+        "stroke_ratio": r,
+        "stroke_ratio_min": low,
+        "stroke_ratio_best": theory.stroke_ratio_best(e),
+        "stroke_ratio_max": high,
+        "stroke_ratio_stable_max": stable,
+        "note": note,
+    }
+    source = "exact for one body without gravity; optimum of Bannerman et al. (2011) and Sack et al. (2013)"
+    _rule(document, _DIMENSIONLESS, source, as_json)
+
+
+@rules.command("sliding")
+def rules_sliding(
+    intensity: Annotated[str, typer.Option(help="Intensity [-], or an acceleration such as '0.2 g'.")],
+    friction: Annotated[str, typer.Option(help="Coefficient of friction of bed and floor [-].")],
+    as_json: AsJson = False,
+) -> None:
+    """Bed that slides as one block on a shaken floor, walls out of reach."""
+    from graindamp.field import theory
+
+    point = theory.sliding_bed(read_intensity("intensity", intensity) or 0.0, need_option("friction", friction, ""))
+    _rule(
+        point._asdict(), dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-"), "docs: theory, sliding", as_json
+    )
+
+
+@rules.command("bouncing-vertical")
+def rules_bouncing_vertical(
+    intensity: Annotated[str, typer.Option(help="Intensity [-], or an acceleration such as '1.5 g'.")],
+    as_json: AsJson = False,
+) -> None:
+    """Plastic bed on a vertically shaken floor, no lid."""
+    from graindamp.field import theory
+
+    point = theory.bouncing_bed_vertical(read_intensity("intensity", intensity) or 0.0)
+    _rule(point._asdict(), _DIMENSIONLESS, "exact for one plastic body on a shaken floor under gravity", as_json)
+
+
+@rules.command("coating")
+def rules_coating(
+    frequency: Annotated[Text, typer.Option(help="Design frequency [Hz]: gives the wall's modulus.")] = None,
+    wall_modulus: Annotated[Text, typer.Option(help="Modulus of the coating [Pa]: gives its frequency.")] = None,
+    n_line: Annotated[float | None, typer.Option(help="Particles in line along the motion [-].")] = None,
+    bed_length: Annotated[Text, typer.Option(help="Length of the bed [m], in place of n-line.")] = None,
+    radius: Annotated[str, typer.Option(help="Particle radius [m].")] = "1.25 mm",
+    density: Annotated[str, typer.Option(help="Particle density [kg/m^3].")] = "7900 kg/m^3",
+    youngs_modulus: Annotated[str, typer.Option(help="Particle Young's modulus [Pa].")] = "208 GPa",
+    poisson: Annotated[float, typer.Option(help="Particle Poisson's ratio [-].")] = 0.3,
+    wall_poisson: Annotated[float, typer.Option(help="Wall Poisson's ratio [-].")] = 0.5,
+    as_json: AsJson = False,
+) -> None:
+    """Modulus of an elastic wall coating that makes the bed bounce in resonance at low intensity."""
+    from math import pi
+
+    from graindamp.design.rules import coating_frequency, coating_modulus
+
+    r = need_option("radius", radius, "m")
+    if n_line is None:
+        n_line = need_option("n-line or --bed-length", bed_length, "m") / (2 * r)
+    mass = 4 / 3 * pi * r**3 * need_option("density", density, "kg/m^3")
+    rest = (n_line, mass, r, need_option("youngs-modulus", youngs_modulus, "Pa"), poisson, wall_poisson)
+    if (frequency is None) == (wall_modulus is None):
+        raise InputError("give either --frequency or --wall-modulus")
+    if frequency is not None:
+        rule = coating_modulus(need_option("frequency", frequency, "Hz"), *rest)
+    else:
+        rule = coating_frequency(need_option("wall-modulus", wall_modulus, "Pa"), *rest)
+    units = {"wall_modulus": "Pa", "effective_modulus": "Pa", "frequency": "Hz"}
+    document = rule._asdict() | {"n_line": n_line, "particle_mass": mass}
+    _rule(document, units | {"particle_mass": "kg"}, "Meyer & Seifried (2023), Eqs 14, 20", as_json)
+
+
+@rules.command("clearance")
+def rules_clearance(
+    frequency: Annotated[Text, typer.Option(help="Frequency [Hz]: gives the clearance.")] = None,
+    clearance: Annotated[Text, typer.Option(help="Clearance [m]: gives the frequency.")] = None,
+    intensity: Annotated[str, typer.Option(help="Intensity to be best at [-], or an acceleration.")] = "15",
+    as_json: AsJson = False,
+) -> None:
+    """Clearance that is best at a frequency and intensity, or the frequency for a clearance."""
+    from graindamp.design.rules import clearance_for, frequency_for
+
+    level = read_intensity("intensity", intensity) or 0.0
+    if (frequency is None) == (clearance is None):
+        raise InputError("give either --frequency or --clearance")
+    if frequency is not None:
+        rule = clearance_for(need_option("frequency", frequency, "Hz"), level)
+    else:
+        rule = frequency_for(need_option("clearance", clearance, "m"), level)
+    units = {"clearance": "m", "stroke": "m", "frequency": "Hz", "intensity": "-"}
+    _rule(rule._asdict(), units, "Meyer & Seifried (2023), Eqs 11, 21", as_json)
+
+
+@rules.command("efficiency")
+def rules_efficiency(
+    bed_mass: Annotated[str, typer.Option(help="Mass of all particles [kg].")],
+    shape_squared: Annotated[Text, typer.Option(help="Squared mass-normalised shape at the damper [1/kg].")] = None,
+    modal_mass: Annotated[Text, typer.Option(help="Modal mass at the damper [kg], in place of shape-squared.")] = None,
+    loss_factor: Annotated[float, typer.Option(help="Loss factor eta [-].")] = 1.0,
+    effective_mass_ratio: Annotated[float, typer.Option(help="Effective mass ratio m' [-].")] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Damping ratio that a bed of given loss factor gives to a mode; defaults: the efficiency bound."""
+    from graindamp.design.rules import efficiency_damping_ratio
+
+    if (shape_squared is None) == (modal_mass is None):
+        raise InputError("give either --shape-squared or --modal-mass")
+    if shape_squared is not None:
+        squared = need_option("shape-squared", shape_squared, "1/kg")
+    else:
+        mass = need_option("modal-mass", modal_mass, "kg")
+        if mass <= 0:
+            raise InputError(f"--modal-mass: given '{modal_mass}'; a mass above 0 is needed")
+        squared = 1 / mass
+    rule = efficiency_damping_ratio(squared, need_option("bed-mass", bed_mass, "kg"), loss_factor, effective_mass_ratio)
+    units = dict.fromkeys(("damping_ratio", "specific_damping", "mass_ratio"), "-")
+    _rule(rule._asdict(), units, "Meyer & Seifried (2021), Eq. 18", as_json)
