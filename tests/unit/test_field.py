@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from fields_made import constant_field, random_field
 from graindamp.errors import InputError
+from graindamp.field.ideal import ideal_field
 from graindamp.field.interpolate import Interpolant
 from graindamp.field.schema import TABLE, check, make_field
 from graindamp.field.store import read_field, write_field
+from graindamp.field.theory import collect_and_collide
 from graindamp.status import Status
 from graindamp.units import STANDARD_GRAVITY
 
@@ -192,6 +194,33 @@ def test_gaps_are_bridged_not_spread():
         plane(f[2], gamma[2]), abs=1e-10
     )  # a plane is bridged exactly
     assert at(f[2], gamma[1]).loss_factor == pytest.approx(eta[2, 1])
+
+
+def test_a_ragged_edge_is_an_edge():
+    """Where a motion does not exist the field ends, and a bed below its existence limit gets no value."""
+    f, gamma = np.geomspace(10, 1000, 40), np.geomspace(5, 400, 40)
+    at = Interpolant(ideal_field("bouncing", f, gamma, 0.1, clearance=1e-3), "constant")
+    inside, outside = at(100.0, 60.0), at(100.0, 6.0)  # X / X_opt = 4.7 and 0.47, the limit is 0.84
+    assert inside.loss_factor == pytest.approx(collect_and_collide(4.684).loss_factor, rel=0.01)  # linear in 10 % cells
+    assert not inside.extrapolated
+    assert outside.extrapolated
+    assert np.isfinite(outside.loss_factor)
+    with pytest.raises(InputError, match="outside the field"):
+        at.beyond("refuse")(100.0, 6.0)
+
+
+def test_nobody_knows_the_error_of_what_was_extrapolated():
+    values = Interpolant(random_field(1), "linear")(np.array([100.0, 300.0]), 5.0)
+    assert np.isfinite(values.loss_factor_se).tolist() == [True, False]
+
+
+def test_rows_of_scattered_points_make_flat_triangles_harmless():
+    f, gamma = (axis.ravel() for axis in np.meshgrid(np.geomspace(40, 400, 7), np.geomspace(1, 40, 9)))
+    keep = np.arange(len(f)) != 31
+    eta = plane(f, gamma)[keep]
+    at = Interpolant(make_field(f[keep], gamma[keep], eta, eta, 0.1, source="rows", scattered=True), "linear")
+    places = np.linspace(41, 399, 50)[:, None], np.geomspace(1.1, 39, 50)
+    assert np.abs(at(*places).loss_factor - plane(*places)).max() < 1e-6  # joggled corners
 
 
 def test_points_on_a_line_are_refused():

@@ -107,6 +107,18 @@ def test_ideal_damper_holds_at_most_1839():
     assert less.equilibria[0].slope > 0 > less.equilibria[1].slope
 
 
+@pytest.mark.parametrize("force", [5.0, 15.0, 40.0, 80.0])
+def test_refusing_keeps_to_where_the_motion_exists(force):
+    """No equilibrium below the existence limit X / X_opt = 0.84, at whatever force."""
+    clearance = 1e-3
+    field = ideal_field("bouncing", np.geomspace(10, 1000, 40), np.geomspace(5, 400, 40), 0.1, clearance=clearance)
+    _, result = solved(field, force, zeta=0.002)
+    for state in result.equilibria:
+        assert state.displacement[0] / (clearance / np.pi) > 0.84
+        assert not state.extrapolated
+    assert result.equilibria or result.reason
+
+
 def test_fold_lies_where_eta_falls_like_one_over_gamma():
     """Sliding bed at high intensity: eta is proportional to 1 / Gamma, so the force held no longer grows."""
     field = ideal_field("sliding", [50.0, 200.0], np.geomspace(5, 500, 60), 0.2, friction=0.1)

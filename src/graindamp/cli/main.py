@@ -21,6 +21,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # it would take "[kg]" in a help text for markup
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.add_typer(rules, name="rules")
@@ -98,6 +99,9 @@ def analyze(
     motion_kind: Annotated[str | None, typer.Option(help="velocity, acceleration or displacement.")] = None,
     force_unit: Annotated[str | None, typer.Option(help="Unit of the force channel.")] = None,
     motion_unit: Annotated[str | None, typer.Option(help="Unit of the motion channel.")] = None,
+    force_sign: Annotated[
+        int | None, typer.Option(help="-1 where the sensor's positive force points against the motion.")
+    ] = None,
     sampling_rate: Annotated[str | None, typer.Option(help="Samples per second [Hz].")] = None,
     figures: Annotated[Path | None, typer.Option(help="Folder for field.png and cycles.png.")] = None,
     as_json: AsJson = False,
@@ -135,6 +139,7 @@ def analyze(
         "motion_kind": motion_kind,
         "force_unit": force_unit,
         "motion_unit": motion_unit,
+        "force_sign": force_sign,
         "sampling_rate": sampling_rate,
     }
     data |= {key: value for key, value in given.items() if value is not None}

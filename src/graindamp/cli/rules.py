@@ -8,7 +8,11 @@ from graindamp.cli.options import AsJson, need_option, print_json, read_intensit
 from graindamp.errors import InputError
 from graindamp.units import STANDARD_GRAVITY
 
-rules = typer.Typer(no_args_is_help=True, help="Closed-form rules: fields of idealised beds, and design formulas.")
+rules = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Closed-form rules: fields of idealised beds, and design formulas.",
+)
 
 
 def _rule(document: dict[str, Any], units: dict[str, str], source: str, as_json: bool) -> None:

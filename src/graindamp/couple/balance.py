@@ -24,6 +24,7 @@ class Attached(NamedTuple):
     """A damper at a point of a structure."""
 
     name: str
+    """Name of the damper in results."""
     point: str
     """Name of the point of the modal model it is fixed to."""
     field: Interpolant

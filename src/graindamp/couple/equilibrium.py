@@ -173,6 +173,8 @@ def find_roots(mode: LoadedMode, box: Box) -> list[tuple[float, float]]:
     roots: list[tuple[float, float]] = []
     for x, y in _clusters((x_low + x_high) / 2, (y_low + y_high) / 2, 4 * size):
         x, y = _polish(mode, x, y, box, 4 * size)
+        if any(mode.confined) and loads(mode, np.array(x), np.array(y)).extrapolated:
+            continue  # inside the range of the field, but where it has no points
         if not any(abs(x - other[0]) + abs(y - other[1]) < 4 * SMALLEST for other in roots):
             roots.append((x, y))
     return roots
@@ -291,8 +293,10 @@ def _resonances(mode: LoadedMode, box: Box, y: Real, n_frequency: int) -> Holdin
         mid = (low + high) / 2
         same = np.signbit(imbalance(mode, mid, at, loads(mode, mid, at))[0]) == start
         low, high = np.where(same, mid, low), np.where(same, high, mid)
-    force = held_force(mode, low, at, loads(mode, low, at))
-    return HoldingCurve(at, mode.shape.max() * np.exp(at), np.exp(low), force)
+    added = loads(mode, low, at)
+    known = ~added.extrapolated if any(mode.confined) else np.full(len(at), True)
+    curve = HoldingCurve(at, mode.shape.max() * np.exp(at), np.exp(low), held_force(mode, low, at, added))
+    return HoldingCurve(*(part[known] for part in curve))
 
 
 def _state(mode: LoadedMode, x: float, y: float, n_damper: int) -> Equilibrium:

@@ -34,7 +34,7 @@ class FieldValues(NamedTuple):
     effective_mass_ratio_se: Real
     """Standard error of m' [-], NaN where unknown."""
     extrapolated: NDArray[np.bool_]
-    """True outside the points of the field."""
+    """True outside the points of the field; standard errors are unknown there (NaN)."""
 
 
 class FieldBounds(NamedTuple):
@@ -51,7 +51,8 @@ class Interpolant:
         """Prepare the interpolation of `field`.
 
         Args:
-            field: a valid effective field, grid or scattered. A grid with failed points is treated as scattered.
+            field: a valid effective field, grid or scattered. Failed points of a grid that lie between good ones are
+                filled in from them; the other failed points are outside the field, and so are the cells they touch.
             outside: "refuse" raises outside the points, "constant" holds the nearest value, "linear" continues the
                 outermost slope (as in Meyer & Seifried 2021), eta not below 0. All that lies outside is marked.
 
@@ -65,9 +66,9 @@ class Interpolant:
         self.bed_mass = float(field.attrs["bed_mass"])
         usable = (field["status"].to_numpy() & int(FATAL)) == 0
         values = np.stack([field[name].to_numpy() for name in _NAMES])
-        if is_grid(field) and usable.all():
+        if is_grid(field):
             x, y = np.log(field["frequency"].to_numpy()), np.log(field["intensity"].to_numpy())
-            self._surface: _Grid | _Triangles = _Grid(x, y, values)
+            self._surface: _Grid | _Triangles = _Grid(x, y, *_without_gaps(x, y, values, usable))
         else:
             f, gamma = places_of(field)
             points = np.log(np.column_stack([f[usable], gamma[usable]]))
@@ -131,17 +132,42 @@ class Interpolant:
 
 
 def _physical(values: Real, beyond: NDArray[np.bool_]) -> Real:
-    """Extrapolated loss factors and errors cut off at zero."""
-    for row in (0, 2, 3):
-        values[row] = np.where(beyond, np.maximum(values[row], 0.0), values[row])
+    """Extrapolated loss factors cut off at zero; nobody knows the error of what was extrapolated."""
+    values[0] = np.where(beyond, np.maximum(values[0], 0.0), values[0])
+    values[2:] = np.where(beyond, np.nan, values[2:])
     return values
 
 
-class _Grid:
-    """Bilinear cells; the outer ones continue without end."""
+def _without_gaps(x: Real, y: Real, values: Real, usable: NDArray[np.bool_]) -> tuple[Real, NDArray[np.bool_]]:
+    """Values with failed points filled, and which points the field then covers.
 
-    def __init__(self, x: Real, y: Real, values: Real) -> None:
+    A failed point with good ones on both sides, along either axis, becomes the mean of what they interpolate to; any
+    other takes the value of the nearest good point, but stays outside.
+    """
+    if usable.all():
+        return values, usable
+    filled, covered = values.copy(), usable.copy()
+    nearest = np.argwhere(usable)
+    for i, j in np.argwhere(~usable):
+        guesses = []
+        for axis, place, line, good in ((x, i, values[:, :, j], usable[:, j]), (y, j, values[:, i], usable[i])):
+            known = np.flatnonzero(good)
+            if len(known) and known[0] < place < known[-1]:
+                guesses.append([np.interp(axis[place], axis[known], row[known]) for row in line])
+        if guesses:
+            filled[:, i, j], covered[i, j] = np.mean(guesses, axis=0), True
+        else:
+            distance = (x[nearest[:, 0]] - x[i]) ** 2 + (y[nearest[:, 1]] - y[j]) ** 2
+            filled[:, i, j] = values[:, *nearest[np.argmin(distance)]]
+    return filled, covered
+
+
+class _Grid:
+    """Bilinear cells; the outer ones continue without end. Beyond a ragged edge the nearest value holds."""
+
+    def __init__(self, x: Real, y: Real, values: Real, covered: NDArray[np.bool_]) -> None:
         self.x, self.y, self.values = x, y, values
+        self.missing = (~covered).astype(float) if not covered.all() else None
         self.x_range, self.y_range = (x[0], x[-1]), (y[0], y[-1])
 
     def evaluate(self, x: Real, y: Real, linear: bool) -> tuple[Real, NDArray[np.bool_]]:
@@ -151,6 +177,10 @@ class _Grid:
         j, j2, t = _locate(self.y, y, linear)
         v = self.values
         values = (1 - s) * ((1 - t) * v[:, i, j] + t * v[:, i, j2]) + s * ((1 - t) * v[:, i2, j] + t * v[:, i2, j2])
+        if self.missing is not None:
+            m, s, t = self.missing, np.clip(s, 0, 1), np.clip(t, 0, 1)
+            share = (1 - s) * ((1 - t) * m[i, j] + t * m[i, j2]) + s * ((1 - t) * m[i2, j] + t * m[i2, j2])
+            beyond |= share > _EDGE
         return _physical(values, beyond), beyond
 
     def breaks(self) -> tuple[Real, Real]:
@@ -184,6 +214,8 @@ class _Triangles:
         self.values = values
         try:
             self.mesh = Delaunay(points)
+            if not np.isfinite(self.mesh.transform).all():  # flat triangles along rows of points
+                self.mesh = Delaunay(points, qhull_options="QJ Qbb")
         except (QhullError, ValueError):
             raise InputError(
                 f"{len(points)} scattered points span no area over frequency and intensity; at least three that are "

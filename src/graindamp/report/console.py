@@ -15,7 +15,7 @@ def show(table: Table) -> None:
     grid = RichTable(title=table.title, title_justify="left", header_style="bold", caption=table.note or None)
     grid.caption_justify = "left"
     for k, column in enumerate(table.columns):
-        grid.add_column(column, justify="left" if k == 0 and not column.endswith("]") else "right")
+        grid.add_column(Text(column), justify="left" if k == 0 and not column.endswith("]") else "right")
     for row in table.rows:
         grid.add_row(*(Text(cell) for cell in row))
     console.print(grid)

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from graindamp.couple.equilibrium import Equilibrium, holding_curve
 from graindamp.couple.predict import DRIVE, Prediction, Study
@@ -120,7 +120,7 @@ def _filled(figure: Figure, axes: Axes, field: xr.Dataset, name: str, label: str
         z = np.where(grid.extrapolated, np.nan, getattr(grid, name))
         levels = np.linspace(low, high, 21)
         drawn = axes.contourf(f, gamma, z.T, levels=levels, extend="max" if clip is not None else "both", cmap=cmap)
-    bar = figure.colorbar(drawn, ax=axes)
+    bar = figure.colorbar(drawn, ax=axes, ticks=MaxNLocator(8))
     bar.set_label(label)
 
 
@@ -133,10 +133,10 @@ def _stroke_lines(axes: Axes, field: xr.Dataset, clearance: float | None) -> Non
     for factor, style in ((0.5, ":"), (1.0, "--"), (2.0, ":"), (4.0, ":")):
         level = factor * clearance / np.pi * (2 * np.pi * line) ** 2 / STANDARD_GRAVITY
         inside = (level >= gamma.min()) & (level <= gamma.max())
-        if inside.any():
+        if inside.sum() > 10:
             axes.plot(line[inside], level[inside], style, color="white", lw=1.3)
             text = "X = h/π" if factor == 1 else f"{factor:g} h/π"
-            k = np.flatnonzero(inside)[int(inside.sum() * 0.72)]
+            k = np.flatnonzero(inside)[int(inside.sum() * 0.5)]
             axes.annotate(text, (line[k], level[k]), color="white", fontsize=8, rotation=50, ha="right", va="bottom")
 
 

@@ -32,9 +32,9 @@ def damping_table(prediction: Prediction) -> Table:
     for solved in prediction.modes:
         for mode in solved:
             result, scheme = mode.result, mode.fixed_point
-            shown = "–"
-            if scheme is not None:
-                shown = f"{100 * scheme.last.damping_ratio:.3g} ({scheme.n_iter})" if scheme.converged else "diverged"
+            shown = "–" if scheme is None else "not converged"
+            if scheme is not None and scheme.converged:
+                shown = f"{100 * scheme.last.damping_ratio:.3g} ({scheme.n_iter})"
             head = (
                 f"{result.force:g}",
                 str(result.number),

@@ -23,5 +23,10 @@ def with_error(value: float, error: float, unit: str = "", scale: float = 1.0) -
 
 
 def plain(value: float, digits: int = 3, unit: str = "") -> str:
-    """A number to some digits with its unit; a dash for NaN."""
-    return f"{value:.{digits}g}{' ' + unit if unit else ''}" if math.isfinite(value) else "–"
+    """A number to some digits with its unit; a dash for NaN, words for infinity."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "no limit"
+    value = 0.0 if abs(value) < 1e-14 else value  # rounding of a closed form
+    return f"{value:.{digits}g}{' ' + unit if unit else ''}"

@@ -1,7 +1,7 @@
 """Phase error between the force and the motion channel, from runs of the empty container.
 
 An empty container is a rigid mass: its force over its acceleration is real. What angle the channels show instead is
-theirs, and is taken from every run with particles at that frequency (REFERENCE: Yang 2003; Wong & Rongong 2009, II.B).
+theirs, and is taken from every run with particles at that frequency (Wong & Rongong 2009, section II.B).
 """
 
 from collections.abc import Sequence

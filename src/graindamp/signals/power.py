@@ -2,7 +2,7 @@
 
 Amplitudes are peak values, time convention exp(+i Omega t), force exerted ON the container. With the container's own
 mass removed the apparent mass F/A of the bed is m_bed (m' - i eta): its imaginary part is what the bed dissipates, its
-real part what it weighs. Source: Meyer & Seifried (2021), Computational Particle Mechanics, Eqs 1-5, with m' in place
+real part what it weighs. Source: Meyer & Seifried (2021), Granular Matter 23, 64, Eqs 1-5, with m' in place
 of their modulus.
 """
 
@@ -52,6 +52,7 @@ class OperatingPoint(NamedTuple):
     """What one record says. NaN where a fatal problem leaves no value."""
 
     label: str
+    """Name of the run."""
     frequency: float
     """Driving frequency [Hz]."""
     intensity: float = NAN
