@@ -120,7 +120,7 @@ def _filled(figure: Figure, axes: Axes, field: xr.Dataset, name: str, label: str
         z = np.where(grid.extrapolated, np.nan, getattr(grid, name))
         levels = np.linspace(low, high, 21)
         drawn = axes.contourf(f, gamma, z.T, levels=levels, extend="max" if clip is not None else "both", cmap=cmap)
-    ticks = MaxNLocator(8).tick_values(low, high)
+    ticks = np.asarray(MaxNLocator(8).tick_values(low, high))
     bar = figure.colorbar(drawn, ax=axes, ticks=ticks[(ticks >= low) & (ticks <= high)])
     bar.set_label(label)
 
