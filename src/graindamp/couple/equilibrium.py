@@ -114,7 +114,7 @@ def solve_mode(mode: LoadedMode, n_damper: int, with_capacity: bool = True) -> M
         NAN,
         "",
     )
-    if mode.drive_shape < 1e-12:
+    if mode.drive_shape == 0:
         return result._replace(reason="the driven point is a node of this mode; the force does not excite it")
     if not mode.dampers:
         return _without_dampers(mode, result, n_damper)

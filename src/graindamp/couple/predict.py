@@ -195,7 +195,7 @@ def _place(point: Point, is_beam: bool, key: str) -> float | str:
 def _solve_both(model: ModalModel, mode: int, force: float, dampers: Sequence[Attached]) -> ModePrediction:
     loaded = load_mode(model, mode, DRIVE, force, dampers)
     result = solve_mode(loaded, len(dampers))
-    moves = loaded.dampers and loaded.drive_shape > 1e-12
+    moves = loaded.dampers and loaded.drive_shape > 0
     return ModePrediction(result, solve_fixed_point(loaded) if moves else None)
 
 

@@ -23,7 +23,8 @@ from graindamp.units import STANDARD_GRAVITY
 Real = NDArray[np.float64]
 
 NODE = 1e-6
-"""A damper at less than this share of the mode's largest shape value sits on a node and takes no part."""
+"""A point at less than this share of the largest shape value of all modes is a node: a damper there takes no part, a
+force there does not drive. Modes of another direction, solved to rounding, are all nodes."""
 
 
 class LoadedMode(NamedTuple):
@@ -38,7 +39,7 @@ class LoadedMode(NamedTuple):
     shape: Real
     """Modulus of the mass-normalised shape at each damper that takes part [kg^-1/2], shape (damper,)."""
     drive_shape: float
-    """Modulus of the shape at the driven point [kg^-1/2]."""
+    """Modulus of the shape at the driven point [kg^-1/2], 0 on a node."""
     force: float
     """Force amplitude [N]."""
     dampers: tuple[Attached, ...]
@@ -72,7 +73,8 @@ def load_mode(model: ModalModel, mode: int, drive: str, force: float, dampers: S
     if not force > 0:
         raise InputError(f"force is {force!r} N; an amplitude above 0 is needed")
     shape = np.abs([model.shape[point_index(model, damper.point), mode] for damper in dampers])
-    largest = float(np.abs(model.shape[:, mode]).max())
+    largest = float(np.abs(model.shape).max())
+    drive_shape = float(abs(model.shape[point_index(model, drive), mode]))
     taking_part = [i for i in range(len(dampers)) if shape[i] > NODE * largest]
     n_rigid = int(np.sum(model.omega <= 0))
     return LoadedMode(
@@ -80,7 +82,7 @@ def load_mode(model: ModalModel, mode: int, drive: str, force: float, dampers: S
         float(model.omega[mode]),
         float(model.damping[mode]),
         shape[taking_part],
-        float(abs(model.shape[point_index(model, drive), mode])),
+        drive_shape if drive_shape > NODE * largest else 0.0,
         force,
         tuple(_everywhere(dampers[i]) for i in taking_part),
         tuple(dampers[i].field.outside == "refuse" for i in taking_part),

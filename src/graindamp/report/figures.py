@@ -279,7 +279,7 @@ def balances(prediction: Prediction) -> Figure:
         box = search_box(loaded, reach=float(np.log(10.0))) if loaded.dampers else "no damper moves in this mode"
         result = prediction.modes[0][index].result
         axes.set_title(f"mode {result.number}, {result.bare_frequency:.1f} Hz", fontsize=9)
-        if isinstance(box, str) or loaded.drive_shape < 1e-12:
+        if isinstance(box, str) or loaded.drive_shape == 0:
             axes.text(0.5, 0.5, "outside the field", ha="center", va="center", transform=axes.transAxes, fontsize=8)
             continue
         curve = holding_curve(loaded, box, 300)
