@@ -138,6 +138,13 @@ def _physical(values: Real, beyond: NDArray[np.bool_]) -> Real:
     return values
 
 
+def _both_sides(usable: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
+    """True where good points lie on both sides along an axis."""
+    before = np.maximum.accumulate(usable, axis=axis)
+    after = np.flip(np.maximum.accumulate(np.flip(usable, axis), axis=axis), axis)
+    return np.asarray(before & after)
+
+
 def _without_gaps(x: Real, y: Real, values: Real, usable: NDArray[np.bool_]) -> tuple[Real, NDArray[np.bool_]]:
     """Values with failed points filled, and which points the field then covers.
 
@@ -146,19 +153,23 @@ def _without_gaps(x: Real, y: Real, values: Real, usable: NDArray[np.bool_]) -> 
     """
     if usable.all():
         return values, usable
+    from scipy.spatial import cKDTree
+
     filled, covered = values.copy(), usable.copy()
-    nearest = np.argwhere(usable)
-    for i, j in np.argwhere(~usable):
+    between = [_both_sides(usable, axis) & ~usable for axis in (0, 1)]
+    for i, j in np.argwhere(between[0] | between[1]):
         guesses = []
-        for axis, place, line, good in ((x, i, values[:, :, j], usable[:, j]), (y, j, values[:, i], usable[i])):
-            known = np.flatnonzero(good)
-            if len(known) and known[0] < place < known[-1]:
-                guesses.append([np.interp(axis[place], axis[known], row[known]) for row in line])
-        if guesses:
-            filled[:, i, j], covered[i, j] = np.mean(guesses, axis=0), True
-        else:
-            distance = (x[nearest[:, 0]] - x[i]) ** 2 + (y[nearest[:, 1]] - y[j]) ** 2
-            filled[:, i, j] = values[:, *nearest[np.argmin(distance)]]
+        for axis, along, place, line, good in (
+            (x, between[0], i, values[:, :, j], usable[:, j]),
+            (y, between[1], j, values[:, i], usable[i]),
+        ):
+            if along[i, j]:
+                guesses.append([np.interp(axis[place], axis[good], row[good]) for row in line])
+        filled[:, i, j], covered[i, j] = np.mean(guesses, axis=0), True
+    missing, good = np.argwhere(~covered), np.argwhere(usable)
+    places = np.column_stack([x[good[:, 0]], y[good[:, 1]]])
+    _, nearest = cKDTree(places).query(np.column_stack([x[missing[:, 0]], y[missing[:, 1]]]))
+    filled[:, missing[:, 0], missing[:, 1]] = values[:, *good[nearest].T]
     return filled, covered
 
 
