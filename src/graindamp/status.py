@@ -24,6 +24,7 @@ class Status(IntFlag):
     NOT_PASSIVE = 16384
     UNDERSAMPLED = 32768
     AMPLITUDE_DRIFT = 65536
+    NO_FORCE = 131072
 
 
 FATAL = (
@@ -38,6 +39,7 @@ FATAL = (
     | Status.FREQUENCY_MISMATCH
     | Status.NO_SOLUTION
     | Status.UNDERSAMPLED
+    | Status.NO_FORCE
 )
 """Bits whose operating point has no usable value."""
 
@@ -59,6 +61,7 @@ REMEDY: dict[Status, str] = {
     Status.NOT_PASSIVE: "the loss factor is negative beyond its error; check sign and phase of the channels",
     Status.UNDERSAMPLED: "fewer than four samples per cycle; sample faster",
     Status.AMPLITUDE_DRIFT: "the amplitude of the motion changes during the record; use stepped sine at fixed level",
+    Status.NO_FORCE: "the force channel is dead; check cable, amplifier and the name of the channel",
 }
 
 

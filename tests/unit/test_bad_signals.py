@@ -48,6 +48,8 @@ def spoiled(name):
         return record._replace(motion_rate=2 * record.sampling_rate)
     if name == "still":
         return record._replace(motion=np.full(n, 0.1))
+    if name == "dead force":
+        return record._replace(force=np.zeros(n))
     if name == "other frequency":
         return record._replace(frequency=120.0)
     if name == "harmonic given":
@@ -72,6 +74,7 @@ def spoiled(name):
         ("length", Status.LENGTH_MISMATCH, "samples"),
         ("rate", Status.RATE_MISMATCH, "Hz"),
         ("still", Status.NO_MOTION, "constant"),
+        ("dead force", Status.NO_FORCE, "constant"),
         ("other frequency", Status.FREQUENCY_MISMATCH, "100"),
         ("harmonic given", Status.FREQUENCY_MISMATCH, "100"),
         ("slow sampling", Status.UNDERSAMPLED, "300 Hz"),
@@ -121,6 +124,22 @@ def test_growing_amplitude_is_flagged():
     ramp = np.linspace(0.8, 1.2, len(record.motion))
     point = analyze(record._replace(motion=ramp * record.motion, force=ramp * record.force), BED, 0.085)
     assert point.status & Status.AMPLITUDE_DRIFT
+
+
+@pytest.mark.parametrize("kind", ["velocity", "acceleration", "displacement"])
+def test_rest_before_and_after_the_motion_is_left_out(kind):
+    """Five cycles at rest before the drive starts and ten after it ends: the motion in between gives the value."""
+    record = record_of(linear_bed(0.5, 0.5, BED, 100.0, 0.3), motion_kind=kind, n_cycle=30)
+    before, after = round(5 * record.sampling_rate / 100), round(10 * record.sampling_rate / 100)
+    rest = {"force": record.force, "motion": record.motion}
+    padded = {name: np.concatenate([np.zeros(before), v, np.zeros(after)]) for name, v in rest.items()}
+    noise = 1e-4 * np.random.default_rng(5).normal(size=(2, before + len(record.force) + after))
+    spread = {name: padded[name] + row * np.std(padded[name]) for name, row in zip(padded, noise, strict=True)}
+    point = analyze(record._replace(**spread), BED, 0.085, phase_uncertainty=0.0)
+    assert not point.status & (FATAL | Status.AMPLITUDE_DRIFT | Status.DISTORTED), point.problems
+    assert point.loss_factor == pytest.approx(0.5, abs=1e-3)  # noise of 1e-4 over 20 cycles
+    assert np.isfinite(point.loss_factor_error)
+    assert 20 <= point.n_cycle <= 30
 
 
 def test_reversed_force_is_not_passive():

@@ -60,6 +60,8 @@ def check_samples(record: Record) -> list[Problem]:
     if not problems and (n_motion < 16 or np.ptp(record.motion) == 0.0):
         text = f"{n_motion} samples" if n_motion < 16 else f"the {record.motion_kind} is constant"
         problems.append(Problem(Status.TOO_SHORT if n_motion < 16 else Status.NO_MOTION, text))
+    elif not problems and np.ptp(record.force) == 0.0:
+        problems.append(Problem(Status.NO_FORCE, "the force is constant"))
     return problems
 
 

@@ -123,7 +123,7 @@ def refine_frequency(motion: Real, sampling_rate: float, frequency: float, n_pas
         cycles = fit_cycles(motion[:, None], sampling_rate, frequency)
         amplitude = cycles.amplitude[:, 0]
         size = np.abs(amplitude)
-        moving = size > 0.5 * np.median(size)  # a record may start or end at rest
+        moving = size > 0.5 * np.median(size[size > 0.1 * size.max()])  # a record may start or end at rest
         middle = ((cycles.start[:-1] + cycles.start[1:]) / 2 / sampling_rate)[moving]
         phase = np.unwrap(np.angle(amplitude[moving]))
         slope, offset = np.polyfit(middle, phase, 1)

@@ -126,15 +126,17 @@ def steady_part(record: Record, skip_cycles: int | None = None) -> Steady | list
     to_velocity = (2j * np.pi * frequency) ** -ORDER[record.motion_kind]
     cycles = fit.fit_cycles(signals, record.sampling_rate, frequency)
     mass = cycles.amplitude[:, 0] / (2j * np.pi * frequency * to_velocity * cycles.amplitude[:, 1])
-    n_skipped = transient_length(mass) if skip_cycles is None else skip_cycles
-    n_cycle = len(mass) - n_skipped
-    if n_cycle < MIN_CYCLES:
-        text = f"{len(mass)} whole cycles of {frequency:.4g} Hz less {n_skipped} skipped, {MIN_CYCLES} are needed"
+    size = np.abs(cycles.amplitude[:, 1])
+    moving = np.flatnonzero(size > 0.5 * np.median(size[size > 0.1 * size.max()]))
+    begin, end = int(moving[0]), int(moving[-1]) + 1  # a record may start and end at rest
+    n_skipped = begin + transient_length(mass[begin:end]) if skip_cycles is None else skip_cycles
+    if end - n_skipped < MIN_CYCLES:
+        text = f"{end} whole cycles of {frequency:.4g} Hz less {n_skipped} skipped, {MIN_CYCLES} are needed"
         return [*problems, Problem(Status.TOO_SHORT, text)]
-    n_skipped += n_cycle % 2  # a bed that answers with half the driving frequency repeats after two cycles
-    first, last = int(cycles.start[n_skipped]), int(cycles.start[-1])
+    n_skipped += (end - n_skipped) % 2  # a bed that answers with half the driving frequency repeats after two cycles
+    first, last = int(cycles.start[n_skipped]), int(cycles.start[end])
     problems += check_shape(record, frequency, first, last)
-    size = np.abs(cycles.amplitude[n_skipped:, 1])
+    mass, size = mass[n_skipped:end], size[n_skipped:end]
     if np.ptp(size) > AMPLITUDE_SPREAD * size.mean():
         text = f"the amplitude of the motion varies by {100 * np.ptp(size) / size.mean():.2g} % over the cycles used"
         problems.append(Problem(Status.AMPLITUDE_DRIFT, text))
@@ -145,7 +147,7 @@ def steady_part(record: Record, skip_cycles: int | None = None) -> Steady | list
     amplitude = fit.harmonics(signals[first:last], time, frequency, n_harmonic)
     order = np.maximum(np.arange(1 + n_harmonic), 1)
     velocity = amplitude[:, 1] * (2j * np.pi * frequency * order) ** -ORDER[record.motion_kind]
-    return Steady(frequency, first, last, n_skipped, amplitude[:, 0], velocity, mass[n_skipped:], tuple(problems))
+    return Steady(frequency, first, last, n_skipped, amplitude[:, 0], velocity, mass, tuple(problems))
 
 
 def analyze(
