@@ -1,4 +1,4 @@
-"""Named structural materials: what a beam needs to know of them, each value with its source."""
+"""Named materials of structures, particles and walls, each value with its source."""
 
 import difflib
 from collections.abc import Mapping
@@ -20,7 +20,9 @@ class Material(NamedTuple):
     density: float
     """Density [kg/m^3]."""
     source: str
-    """Where the three values are printed."""
+    """Where the values are printed."""
+    yield_stress: float | None = None
+    """Yield stress [Pa]; None where no source is at hand."""
 
 
 def _table(*materials: Material) -> Mapping[str, Material]:
@@ -38,8 +40,33 @@ MATERIALS: Mapping[str, Material] = _table(
     Material("aluminium-7075-t6", 71.0e9, 0.33, 2800.0, "MIL-HDBK-5J (2003), Table 3.7.6.0: 10.3 Msi, 0.101 lb/in^3"),
     Material("magnesium-az31b", 44.8e9, 0.35, 1770.0, "MIL-HDBK-5J (2003), Table 4.2.1.0: 6.5 Msi, 0.0639 lb/in^3"),
     Material("titanium-6al-4v", 110e9, 0.31, 4430.0, "MIL-HDBK-5J (2003), Table 5.4.1.0: 16.0 Msi, 0.160 lb/in^3"),
+    Material(
+        "steel-s235",
+        208e9,
+        0.30,
+        7900.0,
+        "Meyer & Seifried (2023), Table 1, spheres (E, nu, density); EN 10025-2:2004, S235 up to 16 mm (yield stress)",
+        235e6,
+    ),
+    Material(
+        "lead",
+        16.1e9,
+        0.44,
+        11350.0,
+        "matmake.com, lead properties, after Cardarelli (2018), CRC Handbook (2016) and Howatson et al. (2009)",
+    ),
+    Material("glass", 70e9, 0.20, 2500.0, "EN 572-1:2012, soda lime silicate glass"),
+    Material(
+        "perspex",
+        3.24e9,
+        0.35,
+        1190.0,
+        "Cast acrylic sheet, ASTM D638 (470 ksi) and D792, as listed by cctprecision.com, acrylic (E, density); "
+        "Wong & Rongong (2009), sect. III.A (nu, yield stress)",
+        75.9e6,
+    ),
 )
-"""The named materials; a damper's particles and contacts are described elsewhere."""
+"""The named materials. Moduli and densities vary by a few per cent between makers, yield stresses by far more."""
 
 
 def material_named(name: str) -> Material:

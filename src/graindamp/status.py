@@ -25,6 +25,11 @@ class Status(IntFlag):
     UNDERSAMPLED = 32768
     AMPLITUDE_DRIFT = 65536
     NO_FORCE = 131072
+    LISTS_FULL = 262144
+    PARTICLE_LOST = 524288
+    LARGE_OVERLAP = 1048576
+    FEW_STEPS = 2097152
+    INTERRUPTED = 4194304
 
 
 FATAL = (
@@ -40,6 +45,8 @@ FATAL = (
     | Status.NO_SOLUTION
     | Status.UNDERSAMPLED
     | Status.NO_FORCE
+    | Status.LISTS_FULL
+    | Status.PARTICLE_LOST
 )
 """Bits whose operating point has no usable value."""
 
@@ -62,6 +69,11 @@ REMEDY: dict[Status, str] = {
     Status.UNDERSAMPLED: "fewer than four samples per cycle; sample faster",
     Status.AMPLITUDE_DRIFT: "the amplitude of the motion changes during the record; use stepped sine at fixed level",
     Status.NO_FORCE: "the force channel is dead; check cable, amplifier and the name of the channel",
+    Status.LISTS_FULL: "the lists of neighbours have no room left; the run makes more by itself, report this",
+    Status.PARTICLE_LOST: "a particle left its container; lower the time step or stiffen the contact",
+    Status.LARGE_OVERLAP: "particles overlap by more than 5 % of a radius; soften less",
+    Status.FEW_STEPS: "the fastest impact lasted under 20 time steps; raise steps_per_contact or lower the time step",
+    Status.INTERRUPTED: "the run was stopped before its end; the result is partial",
 }
 
 

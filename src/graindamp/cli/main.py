@@ -1,6 +1,6 @@
-"""The command line: signals to field, field and structure to damping, closed-form rules.
+"""The command line: particles to signals, signals to field, field and structure to damping, closed-form rules.
 
-Exit code 0: done. 2: a mistake in what was typed or given, with one message. 1: anything else.
+Exit code 0: done. 2: a mistake in what was typed or given, with one message. 130: stopped by Ctrl-C. 1: anything else.
 """
 
 import os
@@ -13,6 +13,7 @@ import typer
 import graindamp
 from graindamp.cli.options import AsJson, print_json, progress_of, read_option, warn
 from graindamp.cli.rules import rules
+from graindamp.cli.simulate import register
 from graindamp.errors import InputError
 
 app = typer.Typer(
@@ -36,7 +37,7 @@ def main() -> None:
     except InputError as error:
         _fail(f"error: {error}", 2)
     except KeyboardInterrupt:
-        _fail("interrupted", 1)
+        _fail("interrupted", 130)
     except BrokenPipeError:
         os._exit(0)  # the reader of our output has left; there is no one to tell
     except Exception as error:
@@ -241,6 +242,8 @@ def show(
     if convert is not None:
         print(f"written  {convert}")
 
+
+register(app)
 
 if __name__ == "__main__":
     main()

@@ -1,0 +1,72 @@
+"""Running worlds from Python: start, advance, and more room where lists are full."""
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+
+from graindamp.dem.backend import advance
+from graindamp.dem.state import Contacts, Worlds, empty_contacts, empty_scratch
+from graindamp.status import Status
+
+GROWTH = 1.5
+"""Factor by which lists grow when they are full [-]."""
+
+
+def start(worlds: Worlds) -> Worlds:
+    """Worlds with forces and lists at their first positions, ready for :func:`run`.
+
+    The velocities in `worlds.particles` are those at the first positions; they are taken back to mid-step here.
+    """
+    return run(worlds, 0)
+
+
+def run(worlds: Worlds, n_step: int, n_thread: int = 1) -> Worlds:
+    """Worlds `n_step` steps later; arrays are changed in place, and renewed only where lists had to grow.
+
+    Args:
+        worlds: from :func:`graindamp.dem.world.world_of`, or as this function left them.
+        n_step: steps to do [-].
+        n_thread: processor cores to use; worlds are shared out among them.
+    """
+    target = int(worlds.clock.step.max()) + n_step
+    n_world = len(worlds.clock.step)
+    bounds = np.linspace(0, n_world, min(n_thread, n_world) + 1).astype(int)
+    full = int(Status.LISTS_FULL)
+    while True:
+        if len(bounds) == 2:
+            advance(0, n_world, target, worlds)
+        else:
+            with ThreadPoolExecutor(len(bounds) - 1) as pool:
+                jobs = [pool.submit(advance, a, b, target, worlds) for a, b in pairwise(bounds)]
+                for job in jobs:
+                    job.result()
+        if not np.any(worlds.clock.status & full):
+            return worlds
+        worlds = with_room(worlds)
+        worlds.clock.status[:] &= ~full
+
+
+def with_room(worlds: Worlds) -> Worlds:
+    """The same worlds with longer lists."""
+    pairs, touches = _longer(worlds.pairs), _longer(worlds.touches)
+    n_world, n_particle = worlds.particles.material.shape
+    scratch = empty_scratch(
+        n_world,
+        n_particle,
+        worlds.walls.kind.shape[1],
+        max(pairs.first.shape[1], touches.first.shape[1]),
+        worlds.pairs.stretch.shape[1] > 1,
+    )
+    return worlds._replace(pairs=pairs, touches=touches, scratch=scratch)
+
+
+def _longer(old: Contacts) -> Contacts:
+    n_world, capacity = old.first.shape
+    new = empty_contacts(n_world, int(GROWTH * capacity) + 16, old.stretch.shape[1] == capacity)
+    for source, target in zip(old, new, strict=True):
+        if source.ndim == 1:
+            target[:] = source
+        else:
+            target[:, : source.shape[1]] = source
+    return new
