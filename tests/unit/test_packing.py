@@ -37,6 +37,7 @@ def cavity_of(spec):
     return Cavity(spec, enclosure_of(spec, interactions_of(spec)), 1e-6)
 
 
+@pytest.mark.slow
 def test_same_seed_same_bed_and_another_seed_another():
     first, again, other = (packed(damper(packing={**SHORT_TAP, "seed": seed})) for seed in (0, 0, 1))
     assert np.array_equal(first.position, again.position)
@@ -44,6 +45,7 @@ def test_same_seed_same_bed_and_another_seed_another():
     assert not np.array_equal(first.position, other.position)
 
 
+@pytest.mark.slow
 def test_a_packing_is_stored_and_reused(tmp_path, monkeypatch):
     first = pack(damper(), cache=tmp_path)
     monkeypatch.setattr(packing_module, "packed", None)  # a second packing would fail
@@ -150,7 +152,7 @@ def test_random_places_do_not_overlap_and_lie_inside():
 
 def test_sampled_volumes_match_closed_forms():
     sphere = cavity_of(damper(container={"kind": "sphere", "radius": "15 mm", "material": SOFT}))
-    # 200 000 evenly spread points: 1e-3 is about ten times their scatter
+    # a million evenly spread points: 1e-3 is several times their scatter
     assert sphere.volume_below(0.03) == pytest.approx(4 / 3 * math.pi * 0.015**3, rel=1e-3)
     half = np.array([[0.0, 0.0, -0.015 * 3 / 8]])  # the centre of half a ball lies 3/8 of its radius off the middle
     assert sphere.bed_level(half, np.ones(1)) == pytest.approx(0.015, rel=1e-3)

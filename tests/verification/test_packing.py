@@ -127,7 +127,7 @@ def test_a_low_lid_presses_the_tops_down():
 def test_height_matches_a_bed_packed_with_lammps():
     """500 spheres of 2 mm in a tube of 15 mm, tapped for 0.6 s at 30 Hz and 2.5 g, stood 41.06 mm (twice the centre).
 
-    LAMMPS 2025.7.22.4, `pair granular`, e = 0.7, friction 0.2, E = 2 GPa. Beds of other seeds scatter by half a millimetre.
+    LAMMPS 2025.7.22.4, `pair granular`, e = 0.7, friction 0.2, E = 2 GPa. Seeds scatter by half a millimetre.
     """
     tube = {"kind": "cylinder", "radius": "15 mm", "length": "60 mm", "material": STEEL}
     bed = packed(damper(container=tube, fill={"count": 500}))

@@ -66,7 +66,11 @@ def simulate(
         _tell_of_compiling(as_json)
         from graindamp.dem.simulate import simulate as run_one
 
-        run = run_one(spec, folder=project.parent, cache=cache, progress=progress)
+        try:
+            run = run_one(spec, folder=project.parent, cache=cache, progress=progress)
+        except KeyboardInterrupt:
+            print("stopped before the container moved; there is nothing to keep", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
         result = examine(run)
         text = project.read_text(encoding="utf-8")
         files = write_simulation(result, folder, text, wanted, lambda what: progress(what, 1.0, None))
@@ -283,7 +287,7 @@ def _progress(quiet: bool) -> Iterator[Progress]:
         task = bar.add_task("starting", total=1.0, left="")
 
         def show(stage: str, done: float, left: float | None) -> None:
-            bar.update(task, description=stage, completed=done, left="" if left is None else f"{_clock(left)} left")
+            bar.update(task, description=stage, completed=done, left=_left(done, left))
 
         yield show
 
@@ -301,12 +305,16 @@ class _Lines:
             return
         if stage != self.stage and stage.startswith(("drawing", "filming", "writing")):
             return
-        tail = "" if left is None else f", {_clock(left)} left"
-        print(f"{stage}: {100 * done:.0f} %{tail}", file=sys.stderr)
+        tail = _left(done, left)
+        print(f"{stage}: {100 * done:.0f} %{', ' + tail if tail else ''}", file=sys.stderr)
         self.stage, self.told = stage, now
 
 
-def _clock(seconds: float) -> str:
+def _left(done: float, seconds: float | None) -> str:
+    """Time left in words; nothing in the first hundredth, where compiling would count for the rest."""
+    if seconds is None or done < 0.01:
+        return ""
     whole = round(seconds)
     hours, rest = divmod(whole, 3600)
-    return f"{hours}:{rest // 60:02d}:{rest % 60:02d}" if hours else f"{rest // 60}:{rest % 60:02d}"
+    clock = f"{hours}:{rest // 60:02d}:{rest % 60:02d}" if hours else f"{rest // 60}:{rest % 60:02d}"
+    return f"{clock} left"

@@ -52,19 +52,8 @@ def advance(first, last, target, worlds):
                 for k in range(3, 7):
                     bounds[k] = BEYOND
             now = clock.step[w]
-            if 2.0 * bounds[4] >= rules.skin[w] or bounds[6] >= rules.skin[w]:
-                status = refresh_pairs(w, now - 1, particles, pairs, rules, scratch)
-                if status == 0:
-                    status = refresh_touches(w, now - 1, particles, touches, walls, rules, scratch)
-                if status != 0:
-                    clock.status[w] |= status
-                    if clock.stage[w] == RUNNING:
-                        clock.stage[w] = HALTED
-                    break
-                carry(w, particles, bounds)
-                for k in range(3, 9):
-                    bounds[k] = 0.0
-                clock.counts[w, 0] += 1
+            if not renew_lists(w, particles, pairs, touches, walls, rules, clock, scratch):
+                break
             narrow(w, particles, pairs, touches, walls, rules, clock)
             find_touching(w, particles, pairs)
             pair_forces(w, now, particles, pairs, rules, record, scratch)
@@ -76,6 +65,27 @@ def advance(first, last, target, worlds):
                 clock.counts[w, 3] += touches.n_active[w]
                 observe(w, motion, rules, clock, walls.n_group[w], record)
             clock.stage[w] = RUNNING
+
+
+@compiled
+def renew_lists(w, particles, pairs, touches, walls, rules, clock, scratch):
+    """Renew the outer lists of world w where their bounds are reached. False: a status bit stops the world."""
+    bounds, now = clock.drift[w], clock.step[w]
+    if 2.0 * bounds[4] < rules.skin[w] and bounds[6] < rules.skin[w]:
+        return True
+    status = refresh_pairs(w, now - 1, particles, pairs, rules, scratch)
+    if status == 0:
+        status = refresh_touches(w, now - 1, particles, touches, walls, rules, scratch)
+    if status != 0:
+        clock.status[w] |= status
+        if clock.stage[w] == RUNNING:
+            clock.stage[w] = HALTED
+        return False
+    carry(w, particles, bounds)
+    for k in range(3, 9):
+        bounds[k] = 0.0
+    clock.counts[w, 0] += 1
+    return True
 
 
 @compiled
@@ -189,43 +199,56 @@ def carry(w, particles, bounds):
 
 @compiled
 def observe(w, motion, rules, clock, n_group, record):
-    """Sums of this step: work of the container, block means, Fourier sums of the cycle."""
-    force, pending, speed = record.wall_force[w], record.pending[w], motion.velocity[w]
+    """Write down a step: its sums, and a block mean where one is complete."""
     dt = rules.time_step[w]
-    power, along = 0.0, 0.0
-    direction = motion.timing[w]
-    for g in range(n_group):
-        for c in range(3):
-            pending[g, c] += force[g, c]
-            power += force[g, c] * speed[c]
-            along += force[g, c] * direction[DIRECTION + c]
-    quick = 0.0
-    for c in range(3):
-        pending[n_group, c] += speed[c]
-        quick += speed[c] * direction[DIRECTION + c]
-    record.ledger[w, WORK_CONTAINER] -= power * dt
+    note(w, 1.0, dt, clock.time[w] - 0.5 * dt, motion, clock, n_group, record)
     record.n_pending[w] += 1
     if record.n_pending[w] == record.stride[w]:
-        sample = record.n_sample[w]
-        if sample < record.series.shape[1]:
-            for g in range(n_group + 1):
-                for c in range(3):
-                    record.series[w, sample, g, c] = pending[g, c] / record.stride[w]
-            record.n_sample[w] = sample + 1
-        for g in range(n_group + 1):
-            for c in range(3):
-                pending[g, c] = 0.0
-        record.n_pending[w] = 0
-    omega = direction[FUNDAMENTAL]
+        close_sample(w, n_group, record)
+
+
+@compiled
+def note(w, weight, time_step, middle, motion, clock, n_group, record):
+    """Add the present forces to the sums, with `weight` nominal time steps: work, block means, Fourier sums of a cycle.
+
+    They are counted to the cycle that the time `middle` [s] lies in.
+    """
+    force, pending, speed = record.wall_force[w], record.pending[w], motion.velocity[w]
+    power, along, quick = 0.0, 0.0, 0.0
+    timing = motion.timing[w]
+    for g in range(n_group):
+        for c in range(3):
+            pending[g, c] += weight * force[g, c]
+            power += force[g, c] * speed[c]
+            along += force[g, c] * timing[DIRECTION + c]
+    for c in range(3):
+        pending[n_group, c] += weight * speed[c]
+        quick += speed[c] * timing[DIRECTION + c]
+    record.ledger[w, WORK_CONTAINER] -= power * weight * time_step
+    omega = timing[FUNDAMENTAL]
     if omega > 0.0:
-        phase = omega * (clock.time[w] - direction[START])
-        # A step belongs to the cycle that its middle lies in.
-        cycle = int((phase - 0.5 * omega * dt) / TURN)
-        if phase > 0.0 and cycle < record.fourier.shape[1]:
+        phase = omega * (clock.time[w] - timing[START])
+        cycle = int(omega * (middle - timing[START]) / TURN)
+        if middle > timing[START] and cycle < record.fourier.shape[1]:
             sums = record.fourier[w, cycle]
-            a, b = cos(phase), sin(phase)
+            a, b = weight * cos(phase), weight * sin(phase)
             sums[FORCE_COS] += along * a
             sums[FORCE_SIN] += along * b
             sums[SPEED_COS] += quick * a
             sums[SPEED_SIN] += quick * b
-            sums[N_STEP] += 1.0
+            sums[N_STEP] += weight
+
+
+@compiled
+def close_sample(w, n_group, record):
+    """Write down the block mean under way and begin the next one."""
+    sample = record.n_sample[w]
+    if sample < record.series.shape[1]:
+        for g in range(n_group + 1):
+            for c in range(3):
+                record.series[w, sample, g, c] = record.pending[w, g, c] / record.stride[w]
+        record.n_sample[w] = sample + 1
+    for g in range(n_group + 1):
+        for c in range(3):
+            record.pending[w, g, c] = 0.0
+    record.n_pending[w] = 0

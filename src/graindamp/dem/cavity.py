@@ -30,8 +30,8 @@ from graindamp.spec.simulation import DamperSpec
 
 Real = NDArray[np.float64]
 
-N_POINT = 200_000
-"""Points that measure free volume; evenly spread, they give the level of a bed to about 1e-4 of its height."""
+N_POINT = 1_000_000
+"""Points that measure free volume; evenly spread, they give the level of a bed to a few parts in 1e4."""
 
 N_POINT_MESH = 40_000
 """Points in a mesh, where each is tried against every triangle."""

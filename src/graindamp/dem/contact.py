@@ -241,6 +241,7 @@ def no_friction(b):
 def spring_friction(w, k, n, particles, pairs, rules, b):
     """Turn the slips of a block into the tangential forces of springs, which remember."""
     material, stretch, active = particles.material[w], pairs.stretch[w], pairs.active[w]
+    velocity, spin = particles.velocity[w], particles.spin[w]
     law, time_step = rules.normal[w], rules.time_step[w]
     mindlin = rules.tangential[w] == TangentialLaw.MINDLIN
     limit = DASHPOT_SHARE / time_step
@@ -250,11 +251,27 @@ def spring_friction(w, k, n, particles, pairs, rules, b):
         b[KX + m], b[KY + m], b[KZ + m], b[KB + m] = stretch[p, 0], stretch[p, 1], stretch[p, 2], stretch[p, 3]
         b[SHEAR + m] = pairs.grip[w, p, GRIP_SHEAR]
         b[DASH + m] = rules.pair[w, material[i], material[j], TANGENTIAL_DASHPOT]
+        # Velocity and spin of the middle of the step, which the spring grows by, into rows that are free here.
+        b[FX + m] = velocity[i, 0] - velocity[j, 0]
+        b[FY + m] = velocity[i, 1] - velocity[j, 1]
+        b[FZ + m] = velocity[i, 2] - velocity[j, 2]
+        arm = b[RADIUS + m] - 0.5 * b[OVERLAP + m]
+        other = b[REACH + m] - b[OVERLAP + m] - arm
+        b[PX + m] = arm * spin[i, 0] + other * spin[j, 0]
+        b[PY + m] = arm * spin[i, 1] + other * spin[j, 1]
+        b[PZ + m] = arm * spin[i, 2] + other * spin[j, 2]
     if mindlin:
         for m in range(LANE):
             b[SHEAR + m] *= sqrt(b[OVERLAP + m])
     for m in range(LANE):
         b[DASH + m] *= dashpot_of(law, b[OVERLAP + m], b[ELASTIC + m], b[DAMP + m], limit * b[HEFT + m])
+    for m in range(LANE):
+        x, y, z = b[NX + m], b[NY + m], b[NZ + m]
+        u, v, s = b[FX + m], b[FY + m], b[FZ + m]
+        rate = u * x + v * y + s * z
+        b[FX + m] = u + b[PY + m] * z - b[PZ + m] * y - rate * x
+        b[FY + m] = v + b[PZ + m] * x - b[PX + m] * z - rate * y
+        b[FZ + m] = s + b[PX + m] * y - b[PY + m] * x - rate * z
     for m in range(LANE):
         u, v, s, x, y, z, lost = spring_force(
             b[KX + m],
@@ -267,6 +284,9 @@ def spring_friction(w, k, n, particles, pairs, rules, b):
             b[U + m],
             b[V + m],
             b[S + m],
+            b[FX + m],
+            b[FY + m],
+            b[FZ + m],
             b[SHEAR + m],
             b[DASH + m],
             b[MU + m] * abs(b[NORMAL + m]),

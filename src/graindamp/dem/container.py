@@ -94,7 +94,8 @@ def enclosure_of(
             if not closed:
                 return
             if lid_height is not None:
-                point = np.where(normal != 0.0, np.where(normal < 0.0, lid_height, point), point)
+                floor, up = _floor(damper)
+                point = floor + lid_height * up
         elements.append(Element(WallKind.PLANE, (*point, *normal), interactions.wall[name], group[name]))
         if name in interactions.backing:
             behind = point - normal * _thickness(damper, name)

@@ -1,7 +1,9 @@
 """Running worlds from Python: start, advance, and more room where lists are full."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -70,3 +72,19 @@ def _longer(old: Contacts) -> Contacts:
         else:
             target[:, : source.shape[1]] = source
     return new
+
+
+def together(batch: Sequence[Worlds]) -> Worlds:
+    """One batch of worlds that have the same numbers of particles, wall elements and samples.
+
+    Raises:
+        ValueError: arrays of different size.
+    """
+
+    def join(*parts: Any) -> Any:
+        if isinstance(parts[0], tuple):
+            return type(parts[0])(*(join(*columns) for columns in zip(*parts, strict=True)))
+        return np.concatenate(parts)
+
+    joined: Worlds = join(*batch)
+    return joined

@@ -31,7 +31,8 @@ class TangentialLaw(IntEnum):
 DASHPOT_SHARE = 0.25
 """Largest dashpot of one contact, as a share of reduced mass over time step [-]. A dashpot of once that value stops
 the approach within a step; a particle may have a dozen contacts, and a quarter keeps all of them together from
-reversing it. An impact resolved by 40 steps reaches a quarter only for restitutions below 0.15."""
+reversing it. With 40 steps per contact it binds for restitutions below 0.1 (0.05 becomes 0.076); 0.05 is right from 80
+steps on, 0.01 from 150."""
 
 FRICTION_SHARE = 0.25
 """Largest smoothed friction of one contact, as a share of what stops its slip within one step [-]; as DASHPOT_SHARE."""

@@ -186,7 +186,7 @@ def resting_overlap(interactions: Interactions, radius: Real, pressure: float) -
         for b in range(len(interactions.pair))
         for contact in _contacts(interactions, a, b, radii)
     )
-    return max(1e-3, softest / radii[0])
+    return float(max(1e-3, softest / radii[0]))
 
 
 class Scene(NamedTuple):

@@ -40,6 +40,10 @@ FEW_STEPS = 20
 """Steps in the fastest impact below which its restitution is wrong by more than 0.1 % [-]."""
 
 
+SKIN_STEPS = 250.0
+"""Steps of the fastest particle that the outer neighbour lists shall last [-]."""
+
+
 class Snapshot(NamedTuple):
     """All particles at one time, in the order of the description."""
 
@@ -196,10 +200,15 @@ def simulate(
     speed = expected_speed(motion, float(np.linalg.norm(damper.gravity)), float(packing.radius.max()))
     contact = shortest_contact(interactions, packing.radius, material, speed)
     plan = _plan_of(spec, motion, spec.run.time_step or contact / spec.run.steps_per_contact)
+    smallest = float(packing.radius.min())
     worlds = world_of(
-        Bed.at_rest(packing.position, packing.radius, material), enclosure, interactions, damper.gravity, plan.time_step
+        Bed.at_rest(packing.position, packing.radius, material),
+        enclosure,
+        interactions,
+        damper.gravity,
+        plan.time_step,
+        skin=min(max(SKIN_STEPS * speed * plan.time_step, 0.04 * smallest), 0.25 * smallest),
     )
-    start_clock = clock_of_the_wall.perf_counter()
     status, stopped = 0, False
     worlds = engine.start(worlds)
     try:
@@ -213,9 +222,10 @@ def simulate(
     counts = worlds.clock.counts[0].copy()
     integrate = engine.run if spec.run.integrator == "verlet" else _gear(spec, packing)
     notes.energy(worlds)
+    done = 0
     try:
         for stop in [] if stopped else plan.stops:
-            worlds = integrate(worlds, first + stop - int(worlds.clock.step[0]))
+            worlds, done = integrate(worlds, stop - done), stop
             status |= int(worlds.clock.status[0])
             if status or notes.lost(worlds, enclosure):
                 status |= 0 if status else int(Status.PARTICLE_LOST)
@@ -227,15 +237,28 @@ def simulate(
             if stop in plan.field:
                 notes.field(worlds)
             if progress is not None:
-                done = stop / plan.n_step
-                progress("shaking", done, (clock_of_the_wall.perf_counter() - start_clock) * (1.0 - done) / done)
+                spent = clock_of_the_wall.perf_counter() - start_clock
+                progress("shaking", done / plan.n_step, spent * (plan.n_step / done - 1.0))
     except KeyboardInterrupt:
         stopped = True
     seconds = clock_of_the_wall.perf_counter() - start_clock
     if stopped:
         status |= int(Status.INTERRUPTED)
     mass = interactions.density[material] * 4.0 / 3.0 * np.pi * packing.radius**3
-    return notes.run(worlds, enclosure, mass, motion, plan, first, counts, contact, speed, seconds, status)
+    return notes.run(
+        worlds,
+        enclosure,
+        mass,
+        motion,
+        plan,
+        done,
+        int(worlds.clock.step[0]) - first,
+        counts,
+        contact,
+        speed,
+        seconds,
+        status,
+    )
 
 
 def _plan_of(spec: SimulationSpec, motion: Motion, time_step: float) -> _Plan:
@@ -305,10 +328,9 @@ def _set_off(worlds: Worlds, motion: Motion, plan: _Plan, n_wall: int) -> Worlds
 
 
 def _gear(spec: SimulationSpec, packing: Packing) -> Callable[[Worlds, int], Worlds]:
-    from graindamp.dem.gear import run_gear
+    from graindamp.dem.gear import Gear
 
-    tolerance = (spec.run.tolerance or 1e-6) * float(packing.radius.min())
-    return lambda worlds, n_step: run_gear(worlds, n_step, tolerance)
+    return Gear(tolerance=(spec.run.tolerance or 1e-6) * float(packing.radius.min())).run
 
 
 class _Notes:
@@ -397,7 +419,8 @@ class _Notes:
         mass: Real,
         motion: Motion,
         plan: _Plan,
-        first: int,
+        n_step: int,
+        n_inner_step: int,
         counts: NDArray[np.int64],
         contact: float,
         speed: float,
@@ -406,12 +429,11 @@ class _Notes:
     ) -> Run:
         """All of it together."""
         record, n = worlds.record, len(mass)
-        n_step = int(worlds.clock.step[0]) - first
         n_sample = int(record.n_sample[0])
         series = record.series[0, :n_sample]
         whole = record.fourier[0]
         per_cycle = plan.n_step if self.spec.base_frequency is None else self._steps_per_cycle(plan)
-        whole = whole[whole[:, N_STEP] == per_cycle] if self.spec.base_frequency is not None else whole[:0]
+        whole = whole[np.abs(whole[:, N_STEP] - per_cycle) < 0.5] if self.spec.base_frequency is not None else whole[:0]
         scale = 2.0 / max(per_cycle, 1)
         edges = LOWEST_SPEED * 2.0 ** (np.arange(N_SPEED_BIN + 1) / 4.0)
         impacts = record.impact[0].copy()
@@ -448,8 +470,8 @@ class _Notes:
             velocity_field=self.velocity_field(),
             impact_edges=edges,
             impact_counts=impacts,
-            contacts_per_particle=float(done[2]) / max(n_step, 1) / n,
-            wall_contacts=float(done[3]) / max(n_step, 1),
+            contacts_per_particle=float(done[2]) / max(n_inner_step, 1) / n,
+            wall_contacts=float(done[3]) / max(n_inner_step, 1),
             largest_overlap=overlap,
             largest_speed=fastest,
             time_step=plan.time_step,

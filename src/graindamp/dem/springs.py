@@ -9,12 +9,14 @@ SMALLEST = 1e-300
 
 
 @pointwise
-def spring_force(px, py, pz, before, x, y, z, u, v, s, stiffness, dashpot, bound, time_step):
+def spring_force(px, py, pz, before, x, y, z, u, v, s, du, dv, ds, stiffness, dashpot, bound, time_step):
     """Tangential force limited by Coulomb (3) [N], force of the spring to remember (3) [N], power dissipated [W].
 
     The spring's force (px, py, pz) and stiffness `before` are those of the last step. The force is turned into the
-    present tangent plane (normal x, y, z) and grows by stiffness times slip (u, v, s). Where the stiffness has dropped
-    since, as in a Hertz contact that unloads, the force drops with it: energy is lost and never made.
+    present tangent plane (normal x, y, z) and grows by stiffness times the slip in the middle of the step (du, dv, ds),
+    which makes it of second order; dashpot and power see the present slip (u, v, s). Where the stiffness has dropped
+    since, as in a Hertz contact that unloads, the force drops with it, so that force over stiffness changes by the slip
+    alone; where it has grown, its mean counts. Energy is lost and never made.
 
     Source: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327-344, in the form of Thornton, Cummins & Cleary
     (2013), Powder Technol. 233, 30-46; Cundall & Strack (1979), Geotechnique 29, 47-65.
@@ -25,8 +27,8 @@ def spring_force(px, py, pz, before, x, y, z, u, v, s, stiffness, dashpot, bound
     along = px * x + py * y + pz * z
     px, py, pz = px - along * x, py - along * y, pz - along * z
     keep = sqrt(size / max(px * px + py * py + pz * pz, SMALLEST)) * min(stiffness / before, 1.0)
-    grow = stiffness * time_step
-    px, py, pz = keep * px - grow * u, keep * py - grow * v, keep * pz - grow * s
+    grow = 0.5 * (stiffness + min(stiffness, before)) * time_step
+    px, py, pz = keep * px - grow * du, keep * py - grow * dv, keep * pz - grow * ds
     fx, fy, fz = px - dashpot * u, py - dashpot * v, pz - dashpot * s
     share = min(bound / sqrt(max(fx * fx + fy * fy + fz * fz, SMALLEST)), 1.0)
     fx, fy, fz = share * fx, share * fy, share * fz

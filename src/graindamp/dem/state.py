@@ -188,8 +188,7 @@ class Record(NamedTuple):
     impact: NDArray[np.int64]
     """Impacts by speed, between particles and with walls, in bins of a quarter octave; (world, 2, N_SPEED_BIN)."""
     extreme: Real
-    """Largest overlap over the smaller radius [-] between particles, and over the radius at walls; largest speed [m/s];
-    (world, 3)."""
+    """Largest overlap between particles and at walls [m]; (world, 2)."""
 
 
 class Scratch(NamedTuple):
@@ -257,7 +256,7 @@ def empty_record(n_world: int, n_group: int, n_sample: int, stride: int, n_cycle
         fourier=np.zeros((n_world, n_cycle, N_FOURIER)),
         ledger=np.zeros((n_world, N_LEDGER)),
         impact=np.zeros((n_world, 2, N_SPEED_BIN), np.int64),
-        extreme=np.zeros((n_world, 3)),
+        extreme=np.zeros((n_world, 2)),
     )
 
 

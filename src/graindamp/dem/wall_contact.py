@@ -239,9 +239,31 @@ def wall_forces(w, step, particles, touches, walls, rules, record):
             shear = grip[GRIP_SHEAR] * sqrt(overlap) if tangential == TangentialLaw.MINDLIN else grip[GRIP_SHEAR]
             dashpot = pair[a, b, TANGENTIAL_DASHPOT] * dashpot_of(law, overlap, elastic, grip[DAMPING], limit)
             bound = grip[GRIP_FRICTION] * abs(normal)
+            # The slip in the middle of the step, which the spring grows by.
+            speed, turn = particles.velocity[w, i], particles.spin[w, i]
+            along = speed[0] * x + speed[1] * y + speed[2] * z
+            du = speed[0] - along * x - arm * (turn[1] * z - turn[2] * y)
+            dv = speed[1] - along * y - arm * (turn[2] * x - turn[0] * z)
+            ds = speed[2] - along * z - arm * (turn[0] * y - turn[1] * x)
             memory = touches.stretch[w, p]
             u, v, s, memory[0], memory[1], memory[2], lost = spring_force(
-                memory[0], memory[1], memory[2], memory[3], x, y, z, u, v, s, shear, dashpot, bound, time_step
+                memory[0],
+                memory[1],
+                memory[2],
+                memory[3],
+                x,
+                y,
+                z,
+                u,
+                v,
+                s,
+                du,
+                dv,
+                ds,
+                shear,
+                dashpot,
+                bound,
+                time_step,
             )
             memory[3] = shear
             loss_friction += lost

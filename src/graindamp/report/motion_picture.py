@@ -254,12 +254,13 @@ def _panels(stage: Stage) -> tuple[Figure, list[Axes]]:
     if stacked:
         size = 8.2, min(max(2 * 6.3 * height / width + 1.45, 4.0), 11.0)
     else:
-        size = min(max(2 * 5.0 * width / height + 2.4, 6.5), 12.0), 6.4
+        panel = min(max(5.0 * width / height, 2.0), 4.6)
+        size = max(2 * panel + 2.4, 6.5), panel * height / width + 1.4
     figure = Figure(figsize=size, layout="compressed")
     shape = (2, 1) if stacked else (1, 2)
     panels = list(np.ravel(figure.subplots(*shape, sharex=True, sharey=True)))
     for axes, title in zip(panels, ("whole", "cut through the middle"), strict=True):
-        axes.set_title(title, fontsize=9)
+        axes.set_title(title, fontsize=9, pad=9)
     return figure, panels
 
 

@@ -219,7 +219,7 @@ def draw_all(
 
 
 _CAPTIONS = {
-    "bed": "The packed bed before the motion, drawn to scale.",
+    "bed": "The packed bed before the motion, drawn to scale; gravity as in the run.",
     "snapshot": "The last snapshot, drawn to scale.",
     "signals": "Force that drives the bed, without the container's own mass, and velocity of the container.",
     "cycles": "Loss factor and effective mass ratio of each cycle.",
