@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from graindamp import measure
-from graindamp.dem.packing import Packing
+from graindamp.dem.packing_store import Packing
 from graindamp.dem.simulate import Run, simulate
 from graindamp.signals.power import OperatingPoint
 from graindamp.signals.simulated import point_of

@@ -9,6 +9,7 @@ import numpy.typing
 from docutils import nodes
 from docutils.parsers.rst import Directive
 from docutils.statemachine import StringList
+from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 
@@ -82,10 +83,14 @@ class FieldTable(Directive):
 
 def _default(field: Any) -> str:
     value = field.default
-    if value is PydanticUndefined:
+    if field.is_required():
         return "needed"
-    if value is None or value == ():
+    if value is PydanticUndefined or value is None or value == ():
         return "–"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, BaseModel):
+        return "its defaults"
     if isinstance(value, tuple):
         return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else f"{entry:g}" for entry in value) + "]"
     if isinstance(value, str):
@@ -94,7 +99,8 @@ def _default(field: Any) -> str:
 
 
 def _plain_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings are plain text: lines indented after a colon and a blank line are a formula, a bar is a modulus."""
+    """Docstrings are plain text: lines indented after a colon and a blank line are a formula, a bar is a modulus,
+    an underscore at the end of a word an index."""
     in_formula = False
     for i, line in enumerate(lines):
         starts = i > 1 and lines[i - 2].endswith(":") and not lines[i - 1].strip() and line.startswith(" " * 4)
@@ -102,7 +108,7 @@ def _plain_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
         if starts and in_formula:
             lines[i - 2] += ":"
         if not in_formula:
-            lines[i] = line.replace("|", r"\|")
+            lines[i] = re.sub(r"(?<=\w)_(?=[^\w`]|$)", r"\\_", line.replace("|", r"\|"))
     if what == "attribute":
         _ATTRIBUTES[name] = [line for line in lines if not re.fullmatch(r"Alias for field number \d+", line)]
 

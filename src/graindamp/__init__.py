@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from graindamp.couple.predict import predict
+    from graindamp.dem.packing import pack
+    from graindamp.dem.simulate import simulate
     from graindamp.errors import InputError
     from graindamp.field.ideal import ideal_field
     from graindamp.field.interpolate import Interpolant
@@ -19,36 +21,45 @@ if TYPE_CHECKING:
     from graindamp.spec.measurement import MeasurementSpec
     from graindamp.spec.model import load_spec
     from graindamp.spec.project import ProjectSpec
+    from graindamp.spec.simulation import DamperSpec, SimulationSpec
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "DamperSpec": "spec.simulation",
     "InputError": "errors",
     "Interpolant": "field.interpolate",
     "MeasurementSpec": "spec.measurement",
     "ProjectSpec": "spec.project",
+    "SimulationSpec": "spec.simulation",
     "analyze": "signals.power",
     "ideal_field": "field.ideal",
     "load_spec": "spec.model",
     "measure": "field.measured",
+    "pack": "dem.packing",
     "predict": "couple.predict",
     "read_field": "field.store",
     "read_records": "signals.readers.read",
+    "simulate": "dem.simulate",
     "write_field": "field.store",
 }
 
 __all__ = [
+    "DamperSpec",
     "InputError",
     "Interpolant",
     "MeasurementSpec",
     "ProjectSpec",
+    "SimulationSpec",
     "analyze",
     "ideal_field",
     "load_spec",
     "measure",
+    "pack",
     "predict",
     "read_field",
     "read_records",
+    "simulate",
     "write_field",
 ]
 

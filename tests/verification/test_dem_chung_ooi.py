@@ -156,7 +156,7 @@ def test_4_oblique_impact_against_the_curve():
 
 
 FIRST_ERROR = 2e-3
-"""Of the tangential restitution at 40 steps per contact [-]; first order, measured 0.017."""
+"""Of the tangential restitution at 40 steps per contact [-]; second order, measured 4e-4."""
 
 
 def test_4_tangential_springs_converge():

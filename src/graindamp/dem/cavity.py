@@ -289,7 +289,7 @@ def smallest_gap(kind: NDArray[np.int32], shape: Real, edges: Real, position: Re
     for i in range(len(position)):
         for e in range(len(kind)):
             x, y, z = position[i, 0], position[i, 1], position[i, 2]
-            found = nearest(kind[e], shape, e, edges, x, y, z, radius[i])  # type: ignore[no-untyped-call]
+            found = nearest(kind[e], shape, e, edges, x, y, z, radius[i])
             out[i] = min(out[i], found[0] - radius[i])
 
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numba
 
-numba.config.SLP_VECTORIZE = 1  # rows of four numbers become one vector; off by default in numba
+numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined] # rows of four numbers become one vector; off by default in numba
 
 Body = TypeVar("Body", bound=Callable[..., Any])
 
@@ -37,7 +37,7 @@ def _cacheable() -> bool:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return False
-    numba.config.CACHE_DIR = str(folder)
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     return os.access(folder, os.W_OK)
 
 
@@ -47,14 +47,20 @@ CACHED = _cacheable()
 
 def compiled(body: Body) -> Body:
     """The function, compiled for the processor; releases Python's lock so that threads run worlds side by side."""
-    return numba.njit(nogil=True, error_model="numpy", fastmath=FAST, cache=CACHED, _nrt=False)(body)  # type: ignore[no-any-return]
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": FAST, "cache": CACHED, "_nrt": False}
+    result: Body = numba.njit(**options)(body)
+    return result
 
 
 def checked(body: Body) -> Body:
     """As :func:`compiled`, with arithmetic that still sees NaN and infinity."""
-    return numba.njit(nogil=True, error_model="numpy", cache=CACHED)(body)  # type: ignore[no-any-return]
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": CACHED}
+    result: Body = numba.njit(**options)(body)
+    return result
 
 
 def pointwise(body: Body) -> Body:
     """A function of scalars, woven into its caller."""
-    return numba.njit(inline="always", error_model="numpy", fastmath=FAST)(body)  # type: ignore[no-any-return]
+    options: dict[str, Any] = {"inline": "always", "error_model": "numpy", "fastmath": FAST}
+    result: Body = numba.njit(**options)(body)
+    return result

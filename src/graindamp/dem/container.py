@@ -123,15 +123,13 @@ def enclosure_of(
     if isinstance(damper.lid, FoamLid) and closed:
         floor, up = _floor(damper)
         point = floor + up * damper.lid.relaxed_height
-        numbers = np.zeros(N_SHAPE)
-        numbers[:3], numbers[3:6] = point, -up
-        scale = _foam_scale(damper)
-        numbers[FOAM_FIRST : FOAM_FIRST + 3] = np.asarray(damper.lid.polynomial) * scale
-        numbers[FOAM_FIRST + 3], numbers[FOAM_FIRST + 4] = damper.lid.loss_factor, FOAM_TURN_SPEED
-        wall = damper.lid_wall
-        assert wall is not None
+        foam = np.zeros(N_SHAPE)
+        foam[:3], foam[3:6] = point, -up
+        foam[FOAM_FIRST : FOAM_FIRST + 3] = np.asarray(damper.lid.polynomial) * _foam_scale(damper)
+        foam[FOAM_FIRST + 3], foam[FOAM_FIRST + 4] = damper.lid.loss_factor, FOAM_TURN_SPEED
+        assert lid_wall is not None
         elements.append(
-            Element(WallKind.PLANE, tuple(numbers), interactions.wall[wall], group["foam"], law=NormalLaw.FOAM)
+            Element(WallKind.PLANE, tuple(foam), interactions.wall[lid_wall], group["foam"], law=NormalLaw.FOAM)
         )
 
     for number, (name, insert) in enumerate(with_number(damper.inserts).items()):
@@ -156,7 +154,9 @@ def enclosure_of(
 
 
 def _unit(axis: str) -> Real:
-    return np.eye(3)["xyz".index(axis)]
+    unit = np.zeros(3)
+    unit["xyz".index(axis)] = 1.0
+    return unit
 
 
 def _thickness(damper: DamperSpec, wall: str) -> float:

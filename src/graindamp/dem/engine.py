@@ -66,7 +66,8 @@ def with_room(worlds: Worlds) -> Worlds:
 def _longer(old: Contacts) -> Contacts:
     n_world, capacity = old.first.shape
     new = empty_contacts(n_world, int(GROWTH * capacity) + 16, old.stretch.shape[1] == capacity)
-    for source, target in zip(old, new, strict=True):
+    both: list[tuple[Any, Any]] = list(zip(old, new, strict=True))
+    for source, target in both:
         if source.ndim == 1:
             target[:] = source
         else:

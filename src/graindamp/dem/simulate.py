@@ -4,7 +4,7 @@ import math
 import time as clock_of_the_wall
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from graindamp.dem.energy import Energies, energies, velocity_now
 from graindamp.dem.excitation import motion_of
 from graindamp.dem.interactions import interactions_of
 from graindamp.dem.motion import DIRECTION, FUNDAMENTAL, INTERVAL, move
-from graindamp.dem.packing import Packing, pack
+from graindamp.dem.packing import pack
+from graindamp.dem.packing_store import Packing
 from graindamp.dem.state import Motion, Worlds, empty_record
 from graindamp.dem.timestep import expected_speed, shortest_contact
 from graindamp.dem.world import Bed, world_of
@@ -70,7 +71,7 @@ class VelocityField(NamedTuple):
     """Lowest corner [m]; (3,)."""
     cell: float
     """Side of a cell [m]."""
-    count: NDArray[np.int64]
+    met: NDArray[np.int64]
     """Particles met in each cell, all cycles together; (x, y, z)."""
     velocity: Real
     """Mean velocity in the container's frame [m/s], NaN where no particle was; (x, y, z, 3)."""
@@ -293,7 +294,7 @@ def _plan_of(spec: SimulationSpec, motion: Motion, time_step: float) -> _Plan:
     return _Plan(time_step, n_settle, n_step, stride, n_cycle, energy, snapshot, field)
 
 
-def _at(place: Real, per_unit: int, n_step: int) -> frozenset[int]:
+def _at(place: NDArray[np.floating[Any]], per_unit: int, n_step: int) -> frozenset[int]:
     """Steps of places given in units of `per_unit` steps, those within the run."""
     return frozenset(int(step) for step in np.rint(place * per_unit) if 0 < step <= n_step)
 
@@ -456,7 +457,9 @@ class _Notes:
             radius=self.packing.radius,
             mass=mass,
             component=self.packing.component,
-            time=(np.arange(n_sample) + 0.5) * plan.stride * plan.time_step + 0.5 * plan.time_step,
+            time=np.asarray(
+                (np.arange(n_sample) + 0.5) * plan.stride * plan.time_step + 0.5 * plan.time_step, np.float64
+            ),
             force=series[:, :-1].copy(),
             velocity=series[:, -1].copy(),
             cycle_force=scale * (whole[:, FORCE_COS] - 1j * whole[:, FORCE_SIN]),

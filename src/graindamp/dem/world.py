@@ -27,9 +27,11 @@ SKIN = 0.08
 """Reach of the outer neighbour lists over the smallest radius [-]: the least time per step for beds of equal spheres,
 flat from 0.05 to 0.12."""
 
-PAIRS_PER_PARTICLE = 6
-"""Room for pairs at the start [-]; equal spheres have three to four within the skin, and a full list grows by
-itself."""
+PAIRS_PER_PARTICLE = 4.5
+"""Room for pairs at the start [-]; equal spheres have three to four in the skin, and a full list grows by itself."""
+
+TOUCHES_PER_PARTICLE = 1.0
+"""Room for contacts with walls at the start [-], likewise."""
 
 
 class Bed(NamedTuple):
@@ -105,7 +107,7 @@ def world_of(
         n_particle=np.array([n], np.int32),
     )
     with_stretch = interactions.tangential >= TangentialLaw.MINDLIN
-    capacity = PAIRS_PER_PARTICLE * n + 16
+    capacity = int(PAIRS_PER_PARTICLE * n) + 16
     largest = float(bed.radius.max())
     walls = walls_of(enclosure, interactions, largest + reach, 2.0 * largest)
     clock = Clock(
@@ -119,7 +121,7 @@ def world_of(
     return Worlds(
         particles=particles,
         pairs=empty_contacts(1, capacity, with_stretch),
-        touches=empty_contacts(1, 2 * n + 16, with_stretch),
+        touches=empty_contacts(1, int(TOUCHES_PER_PARTICLE * n) + 16, with_stretch),
         walls=walls,
         rules=Rules(
             pair=np.ascontiguousarray(interactions.pair[None]),

@@ -500,7 +500,7 @@ def velocity_figure(run: "Run") -> Figure:
     layers = np.moveaxis(velocity, (right, up, toward), (0, 1, 2))
     n_depth = layers.shape[2]
     middle = layers[:, :, (n_depth - 1) // 2 : n_depth // 2 + 1]  # two layers where the plane lies between them
-    met = np.moveaxis(np.asarray(field.count), (right, up, toward), (0, 1, 2))
+    met = np.moveaxis(np.asarray(field.met), (right, up, toward), (0, 1, 2))
     met = met[:, :, (n_depth - 1) // 2 : n_depth // 2 + 1]
     seen = np.isfinite(middle).all(axis=3) & (met >= RARE * field.n_cycle)
     number = seen.sum(axis=2)
