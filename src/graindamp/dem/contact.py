@@ -60,16 +60,15 @@ SHEAR, DASH = 36 * LANE, 37 * LANE  # of the spring
 def find_touching(w, particles, pairs):
     """Write the pairs of world w that overlap to the active list."""
     position = particles.position[w]
-    first, second, inner, active = pairs.first[w], pairs.second[w], pairs.inner[w], pairs.active[w]
+    first, second, inner, active = pairs.inner_first[w], pairs.inner_second[w], pairs.inner[w], pairs.active[w]
     n_active = 0
     for k in range(pairs.n_inner[w]):
-        p = inner[k]
-        i, j = first[p], second[p]
+        i, j = first[k], second[k]
         x = position[j, 0] - position[i, 0]
         y = position[j, 1] - position[i, 1]
         z = position[j, 2] - position[i, 2]
         reach = position[i, 3] + position[j, 3]
-        active[n_active] = p
+        active[n_active] = inner[k]
         n_active += x * x + y * y + z * z < reach * reach
     pairs.n_active[w] = n_active
 

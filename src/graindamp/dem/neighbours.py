@@ -167,6 +167,7 @@ def narrow_pairs(w, particles, pairs, reach):
     """Make the inner list: pairs of the outer list that are nearer than `reach` to touching."""
     position = particles.position[w]
     first, second, inner = pairs.first[w], pairs.second[w], pairs.inner[w]
+    inner_first, inner_second = pairs.inner_first[w], pairs.inner_second[w]
     n_inner = 0
     for p in range(pairs.n_outer[w]):
         i, j = first[p], second[p]
@@ -174,6 +175,6 @@ def narrow_pairs(w, particles, pairs, reach):
         y = position[j, 1] - position[i, 1]
         z = position[j, 2] - position[i, 2]
         limit = position[i, 3] + position[j, 3] + reach
-        inner[n_inner] = p
+        inner[n_inner], inner_first[n_inner], inner_second[n_inner] = p, i, j
         n_inner += x * x + y * y + z * z < limit * limit
     pairs.n_inner[w] = n_inner

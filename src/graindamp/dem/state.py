@@ -1,7 +1,7 @@
 """The arrays of a batch of worlds. Axis 0 is the world; worlds never meet.
 
 Positions are in the frame of the container. Velocities and spins are those of the middle of the last step (leapfrog);
-the velocities at the time of the positions are found by :func:`graindamp.dem.observe.velocity_now`."""
+the velocities at the time of the positions are found by :func:`graindamp.dem.energy.velocity_now`."""
 
 from typing import Any, NamedTuple
 
@@ -12,6 +12,8 @@ from graindamp.dem.columns import N_BUFFER, N_FOURIER, N_LEDGER, N_SPEED_BIN
 
 Real = NDArray[np.float64]
 Count = NDArray[np.int32]
+Place = NDArray[np.uint32]
+"""Unsigned, so that compiled code need not look for negative places."""
 
 N_GRIP = 8
 """Numbers that a contact remembers for its normal force."""
@@ -50,9 +52,9 @@ class Contacts(NamedTuple):
     The outer list holds every pair nearer than the skin, sorted by first and second member; the inner list those of
     it that may touch within the next dozen steps; the active list those that touch now."""
 
-    first: Count
+    first: Place
     """Particle of the pair; (world, pair)."""
-    second: Count
+    second: Place
     """Second particle, or wall element; (world, pair)."""
     touched: NDArray[np.int64]
     """Step at which the pair last touched; (world, pair)."""
@@ -61,10 +63,13 @@ class Contacts(NamedTuple):
     stretch: Real
     """Tangential force of a spring [N] and its stiffness [N/m]; (world, pair, 4), or (world, 1, 4) if the law has
     none."""
-    inner: Count
+    inner: Place
     """Places in the outer list; (world, pair)."""
-    active: Count
-    """Places in the outer list; (world, pair)."""
+    inner_first: Place
+    """Members of the inner pairs, beside each other for the pass that reads them most; (world, pair)."""
+    inner_second: Place
+    active: Place
+    """Places in the outer list; of contacts with walls, the place that holds the memory of each entry; (world, pair)."""
     n_outer: Count
     """Length of the outer list; (world,)."""
     n_inner: Count
@@ -151,7 +156,7 @@ class Motion(NamedTuple):
     kind: Count
     """A MotionKind; (world,)."""
     wave: Real
-    """Harmonics: omega, phase, and acceleration amplitude in x, y, z; see :mod:`graindamp.dem.motion`; (world, wave,
+    """Harmonics: omega, phase, and displacement amplitude in x, y, z; see :mod:`graindamp.dem.motion`; (world, wave,
     5)."""
     series: Real
     """Samples of displacement, velocity, acceleration along the direction; (world, sample, 3)."""
@@ -230,14 +235,17 @@ class Worlds(NamedTuple):
 def empty_contacts(n_world: int, capacity: int, with_stretch: bool) -> Contacts:
     """Lists with room for `capacity` pairs per world."""
     integer: dict[str, Any] = {"dtype": np.int32}
+    place: dict[str, Any] = {"dtype": np.uint32}
     return Contacts(
-        first=np.zeros((n_world, capacity), **integer),
-        second=np.zeros((n_world, capacity), **integer),
+        first=np.zeros((n_world, capacity), **place),
+        second=np.zeros((n_world, capacity), **place),
         touched=np.full((n_world, capacity), -9, np.int64),
         grip=np.zeros((n_world, capacity, N_GRIP)),
         stretch=np.zeros((n_world, capacity if with_stretch else 1, 4)),
-        inner=np.zeros((n_world, capacity), **integer),
-        active=np.zeros((n_world, capacity), **integer),
+        inner=np.zeros((n_world, capacity), **place),
+        inner_first=np.zeros((n_world, capacity), **place),
+        inner_second=np.zeros((n_world, capacity), **place),
+        active=np.zeros((n_world, capacity), **place),
         n_outer=np.zeros(n_world, **integer),
         n_inner=np.zeros(n_world, **integer),
         n_active=np.zeros(n_world, **integer),
