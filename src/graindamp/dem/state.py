@@ -69,7 +69,7 @@ class Contacts(NamedTuple):
     """Members of the inner pairs, beside each other for the pass that reads them most; (world, pair)."""
     inner_second: Place
     active: Place
-    """Places in the outer list; of contacts with walls, the place that holds the memory of each entry; (world, pair)."""
+    """Places in the outer list; of contacts with walls, the place of each entry's memory; (world, pair)."""
     n_outer: Count
     """Length of the outer list; (world,)."""
     n_inner: Count

@@ -190,8 +190,10 @@ def motion_at_rest() -> Motion:
 
 
 def _by_place(position: Real, radius: float) -> NDArray[np.int64]:
-    """Order of the particles slab by slab along the longest direction, then column by column."""
-    extent = np.ptp(position, axis=0)
+    """Order of the particles along a curve that fills space (Morton 1966), so that neighbours have near places."""
     cell = np.floor((position - position.min(axis=0)) / (2.2 * radius)).astype(np.int64)
-    longest, middle, short = np.argsort(-extent, kind="stable")
-    return np.lexsort((cell[:, short], cell[:, middle], cell[:, longest]))
+    key = np.zeros(len(position), np.int64)
+    for bit in range(16):
+        for c in range(3):
+            key |= (cell[:, c] >> bit & 1) << (3 * bit + c)
+    return np.argsort(key, kind="stable")
