@@ -16,14 +16,10 @@ PUBLISHED = {"test": 1.0, "simulation": 0.98}
 def main(folder: Path = Path(), count: int = 4500, cycles: int = 25, softening: float = 1.0) -> float:
     """Write baseline-damper.png into `folder`; return the loss factor [-].
 
-    TIMING
-
-    Args:
-        folder: where the figure goes.
-        count: spheres. The radius of the cylinder goes with the cube root of it, to keep the bed's proportions; the
-            clearance stays.
-        cycles: to simulate.
-        softening: divisor of every stiffness; 100 takes a sixth of the time and changes the bounce.
+    All 4500 spheres take 12 minutes, 5 to pack and 7 to shake. They keep eta near 0.9 for nine cycles, while
+    m' falls to -0.3 and their travel grows from 2.7 to 2.8 mm; from cycle 16 on they float between the walls with eta
+    0.1. So look at the figure, not at the mean. The cylinder's radius goes with the cube root of `count`, the clearance
+    stays. `softening` divides every stiffness, for shorter runs with a livelier bounce.
     """
     whole = gd.load_spec(Path(__file__).with_name("baseline-damper.toml"), gd.SimulationSpec)
     scale = (count / 4500) ** (1 / 3)
@@ -48,6 +44,8 @@ def main(folder: Path = Path(), count: int = 4500, cycles: int = 25, softening: 
     lower.set(xlabel="time [cycles]", ylabel="centre of the bed [mm]")
     picture = save(figure, folder / "baseline-damper.png")
 
+    for problem in point.problems:
+        print(problem.text)
     last = run.centre[run.energy_time > (cycles - 5) / point.frequency, 0]
     assert run.packing.clearance is not None
     print(f"loss factor: {point.loss_factor:.3f} ± {point.loss_factor_error:.3f} (published: {PUBLISHED})")

@@ -14,7 +14,11 @@ PUBLISHED = 0.81
 
 
 def main(folder: Path = Path(), cycles: int = 40) -> float:
-    """Write foam-damper.png into `folder`; return the dissipated power [W]."""
+    """Write foam-damper.png into `folder`; return the dissipated power [W]. Takes 20 s.
+
+    What the paper leaves open decides more than the standard error tells: bores of 15 and 17 mm radius give 0.79 and
+    0.88 W, balls of 0.110 g each instead of 22.24 g in all 0.97 W.
+    """
     spec = gd.load_spec(Path(__file__).with_name("foam-damper.toml"), gd.SimulationSpec)
     run = gd.simulate(spec.model_copy(update={"run": spec.run.model_copy(update={"cycles": cycles})}))
     point = point_of(run)

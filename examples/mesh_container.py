@@ -16,7 +16,7 @@ def write_cavity(path: Path, bottom: float = 12.0, top: float = 16.0, height: fl
     """Write a hexagonal cavity that widens upwards, as STL in mm: distances of its edges from the axis, and height."""
     angle = np.arange(6) * np.pi / 3.0
     corners = [(r * np.cos(a), r * np.sin(a), z) for r, z in ((bottom, 0.0), (top, height)) for a in angle]
-    trimesh.PointCloud(corners).convex_hull.export(path)
+    trimesh.convex.convex_hull(np.array(corners)).export(path)
 
 
 def main(folder: Path = Path(), count: int = 300, cycles: int = 20) -> float:

@@ -11,15 +11,13 @@ from graindamp.field.theory import collect_and_collide, stroke_ratio_min
 from graindamp.report.figures import COLORS, save
 from graindamp.signals.simulated import point_of
 
-RADIUS, CLEARANCE, FREQUENCY = 5e-3, 0.1, 20.0
-"""Radius [m], free travel [m] and frequency [Hz]: impacts at several m/s, short beside the cycle."""
+RADIUS, CLEARANCE, FREQUENCY = 5e-3, 0.1, 20.0  # [m], [m], [Hz]: impacts at several m/s, short beside the cycle
 STROKES = {0.01: (1.05, 1.2, 1.5, 2.0, 3.0, 5.0), 0.2: (0.65, 0.8, 1.0, 1.5), 0.5: (0.4, 0.5, 0.7, 1.0)}
-"""X / X_opt by restitution. 0.01, the least that the engine takes, stands for a plastic bed. Below 0.4 a ball of
-restitution 0.5 that starts at rest does not find the motion of two impacts per cycle, although it exists."""
+"""X / X_opt by restitution; 0.01, the least possible, stands for 0. Started at rest, 0.5 misses its orbit at 0.35."""
 
 
 def described(stroke_ratio: float, restitution: float, cycles: int) -> gd.SimulationSpec:
-    """A ball in a box without gravity and friction; it starts at rest at the wall "x-"."""
+    """A ball in a box without gravity and friction, at rest at the wall "x-"."""
     damper = {
         "gravity": "none",
         "particles": [{"material": "steel-s235", "radius": RADIUS}],
@@ -34,7 +32,7 @@ def described(stroke_ratio: float, restitution: float, cycles: int) -> gd.Simula
     return gd.SimulationSpec.model_validate({"damper": damper, "motion": motion, "run": run})
 
 
-def main(folder: Path = Path(), cycles: int = 10, strokes: dict[float, tuple[float, ...]] = STROKES) -> float:
+def main(folder: Path = Path(), cycles: int = 20, strokes: dict[float, tuple[float, ...]] = STROKES) -> float:
     """Write single-ball.png into `folder`; return the largest distance of eta from its closed form, relative [-]."""
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.subplots()
@@ -48,13 +46,11 @@ def main(folder: Path = Path(), cycles: int = 10, strokes: dict[float, tuple[flo
         axes.errorbar(ratios, eta, error, fmt="o", ms=4, color=color, label=f"restitution {restitution:g}")
         exact = np.array([collect_and_collide(r, ideal).loss_factor for r in ratios])
         off += list(zip(abs(eta / exact - 1), error / exact, strict=True))
-    axes.set(xscale="log", xlabel="stroke X / X_opt [-]", ylabel="loss factor η [-]", title="lines: closed form")
-    axes.set_xticks((0.3, 0.5, 1, 2, 5), ("0.3", "0.5", "1", "2", "5"))
-    axes.set_xticks((), minor=True)
+    axes.set(xlabel="stroke X / X_opt [-]", ylabel="loss factor η [-]", title="lines: closed form")
     axes.legend()
     picture = save(figure, folder / "single-ball.png")
     worst, its_error = max(off)
-    print(f"largest distance from the closed form: {100 * worst:.2f} ± {100 * its_error:.2f} % of η; drawn in {picture}")
+    print(f"largest distance from the closed form: {100 * worst:.2f} ± {100 * its_error:.2f} %; drawn in {picture}")
     return float(worst)
 
 

@@ -130,7 +130,6 @@ def test_tables_and_files_on_request(made, tmp_path):
     assert (out / "vtk" / "velocity-field.vti").exists()
     assert made["cache"] == tmp_path / "beds"
     assert made["spec"].damper.packing.seed == 7
-    assert made["spec"].run.seed == 7
 
 
 @pytest.mark.parametrize("suffix", ["h5", "uff"])

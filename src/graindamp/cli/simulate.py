@@ -196,12 +196,12 @@ def _view_packing(source: Path, folder: Path, animation: str | None, vtk: Path |
 
 
 def _with_seed(spec: "SimulationSpec", seed: int | None) -> "SimulationSpec":
-    """The description with another seed for its bed and its run."""
+    """The description with another seed for its bed."""
     if seed is None:
         return spec
     packing = spec.damper.packing.model_copy(update={"seed": seed})
     damper = spec.damper.model_copy(update={"packing": packing})
-    return spec.model_copy(update={"damper": damper, "run": spec.run.model_copy(update={"seed": seed})})
+    return spec.model_copy(update={"damper": damper})
 
 
 def _check_ours(path: Path) -> None:

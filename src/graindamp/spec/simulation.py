@@ -337,8 +337,6 @@ class RunSpec(Spec):
     contacts."""
     tolerance: Annotated[Number, Field(gt=0, le=1e-2)] | None = None
     """Error per step that integrator = "gear" allows, over the smallest radius [-], above 0 to 0.01; default 1e-6."""
-    seed: int = Field(default=0, ge=0)
-    """Seed of all that is random in the run, >= 0."""
     sample_rate: Frequency | None = None
     """Samples per second of the recorded forces [Hz], > 0; default: from samples_per_cycle, or 20 kHz without
     cycles."""
