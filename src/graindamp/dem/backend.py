@@ -14,7 +14,7 @@ from graindamp.dem.columns import (
     SPEED_SIN,
     WORK_CONTAINER,
 )
-from graindamp.dem.compile import compiled
+from graindamp.dem.compile import compiled, inner
 from graindamp.dem.contact import find_touching, pair_forces
 from graindamp.dem.motion import DIRECTION, FUNDAMENTAL, START, move
 from graindamp.dem.neighbours import INNER_STEPS, narrow_pairs, refresh_pairs
@@ -67,7 +67,7 @@ def advance(first, last, target, worlds):
             clock.stage[w] = RUNNING
 
 
-@compiled
+@inner
 def renew_lists(w, particles, pairs, touches, walls, rules, clock, scratch):
     """Renew the outer lists of world w where their bounds are reached. False: a status bit stops the world."""
     bounds, now = clock.drift[w], clock.step[w]
@@ -88,7 +88,7 @@ def renew_lists(w, particles, pairs, touches, walls, rules, clock, scratch):
     return True
 
 
-@compiled
+@inner
 def narrow(w, particles, pairs, touches, walls, rules, clock):
     """Renew the inner lists of world w where their bounds are reached."""
     bounds = clock.drift[w]
@@ -115,7 +115,7 @@ def shift(w, time, particles, rules, motion):
             particles.spin[w, i, c] += time * particles.torque[w, i, c] * inverse_inertia
 
 
-@compiled
+@inner
 def drift(w, particles, rules, motion, clock):
     """Kick by the forces of the last positions, move, clear the forces. Returns the largest speed relative to the
     carried velocity [m/s]."""
@@ -171,7 +171,7 @@ def drift(w, particles, rules, motion, clock):
     return sqrt(fastest)
 
 
-@compiled
+@inner
 def fall_due(w, fastest, time_step, clock):
     """Let the bounds on motion since the last refreshes grow by what the fastest particle moved in this step."""
     bounds = clock.drift[w]
@@ -185,7 +185,7 @@ def fall_due(w, fastest, time_step, clock):
     bounds[10] = carried
 
 
-@compiled
+@inner
 def carry(w, particles, bounds):
     """Mean velocity of the bed, which the bounds are relative to from now on."""
     velocity, n = particles.velocity[w], particles.n_particle[w]
@@ -197,7 +197,7 @@ def carry(w, particles, bounds):
     bounds[0], bounds[1], bounds[2] = x / n, y / n, z / n
 
 
-@compiled
+@inner
 def observe(w, motion, rules, clock, n_group, record):
     """Write down a step: its sums, and a block mean where one is complete."""
     dt = rules.time_step[w]
@@ -207,7 +207,7 @@ def observe(w, motion, rules, clock, n_group, record):
         close_sample(w, n_group, record)
 
 
-@compiled
+@inner
 def note(w, weight, time_step, middle, motion, clock, n_group, record):
     """Add the present forces to the sums, with `weight` nominal time steps: work, block means, Fourier sums of a cycle.
 

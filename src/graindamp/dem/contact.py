@@ -23,7 +23,7 @@ from graindamp.dem.columns import (
     ROLLING,
     TANGENTIAL_DASHPOT,
 )
-from graindamp.dem.compile import compiled
+from graindamp.dem.compile import inner
 from graindamp.dem.grip import begin, renew, speed_bin
 from graindamp.dem.laws import (
     DASHPOT_SHARE,
@@ -56,7 +56,7 @@ KX, KY, KZ, KB = 32 * LANE, 33 * LANE, 34 * LANE, 35 * LANE  # force and stiffne
 SHEAR, DASH = 36 * LANE, 37 * LANE  # of the spring
 
 
-@compiled
+@inner
 def find_touching(w, particles, pairs):
     """Write the pairs of world w that overlap to the active list."""
     position = particles.position[w]
@@ -73,7 +73,7 @@ def find_touching(w, particles, pairs):
     pairs.n_active[w] = n_active
 
 
-@compiled
+@inner
 def pair_forces(w, step, particles, pairs, rules, record, scratch):
     """Add the forces and torques of all touching pairs of world w, and what they dissipate to the ledger."""
     b = scratch.buffer[w]
@@ -103,7 +103,7 @@ def pair_forces(w, step, particles, pairs, rules, record, scratch):
     record.ledger[w, LOSS_ROLLING] += loss_rolling * time_step
 
 
-@compiled
+@inner
 def gather(w, k, n, particles, pairs, b):
     """Relative position, velocity and spin of `n` touching pairs from place k on, into the rows of the buffer."""
     position, velocity, spin = particles.position[w], particles.velocity_next[w], particles.spin_next[w]
@@ -128,7 +128,7 @@ def gather(w, k, n, particles, pairs, b):
         b[QZ + m] = spin[i, 2] + spin[j, 2]
 
 
-@compiled
+@inner
 def geometry(b):
     """Normal, overlap, rate of approach and slip of a block. Idle lanes keep what they had, and are never used."""
     for m in range(LANE):
@@ -149,7 +149,7 @@ def geometry(b):
         b[RATE + m], b[OVERLAP + m] = rate, overlap
 
 
-@compiled
+@inner
 def recall(w, step, k, n, particles, pairs, rules, record, b):
     """What each contact of a block remembers; contacts that begin or are hit harder find it out."""
     position, inverse_mass, material = particles.position[w], particles.inverse_mass[w], particles.material[w]
@@ -192,7 +192,7 @@ def recall(w, step, k, n, particles, pairs, rules, record, b):
     record.extreme[w, 0] = widest
 
 
-@compiled
+@inner
 def normal_forces(law, tension, dashpot_share, b):
     """Normal forces of a block, and what their damping takes."""
     if law == NormalLaw.HERTZ_GONTHIER:
@@ -217,7 +217,7 @@ def normal_forces(law, tension, dashpot_share, b):
         b[LOSS + m] = (b[NORMAL + m] - b[ELASTIC + m]) * b[RATE + m]
 
 
-@compiled
+@inner
 def smoothed_friction(friction_share, b):
     """Turn the slips of a block into the tangential forces of tanh friction."""
     for m in range(LANE):
@@ -229,14 +229,14 @@ def smoothed_friction(friction_share, b):
         b[U + m], b[V + m], b[S + m] = -drag * u, -drag * v, -drag * s
 
 
-@compiled
+@inner
 def no_friction(b):
     """Tangential forces of a block without friction."""
     for m in range(LANE):
         b[RUB + m] = b[U + m] = b[V + m] = b[S + m] = 0.0
 
 
-@compiled
+@inner
 def spring_friction(w, k, n, particles, pairs, rules, b):
     """Turn the slips of a block into the tangential forces of springs, which remember."""
     material, stretch, active = particles.material[w], pairs.stretch[w], pairs.active[w]
@@ -298,7 +298,7 @@ def spring_friction(w, k, n, particles, pairs, rules, b):
         stretch[p, 0], stretch[p, 1], stretch[p, 2], stretch[p, 3] = b[KX + m], b[KY + m], b[KZ + m], b[SHEAR + m]
 
 
-@compiled
+@inner
 def resultants(b):
     """Force on the first body of each pair, and normal x tangential force."""
     for m in range(LANE):
@@ -308,7 +308,7 @@ def resultants(b):
         b[TX + m], b[TY + m], b[TZ + m] = y * s - z * v, z * u - x * s, x * v - y * u
 
 
-@compiled
+@inner
 def scatter(w, k, n, particles, pairs, b):
     """Add forces and torques of a block to both bodies of each pair, in the order of the pairs."""
     force, torque = particles.force[w], particles.torque[w]
@@ -334,7 +334,7 @@ def scatter(w, k, n, particles, pairs, b):
         torque[j, 2] += arm * z
 
 
-@compiled
+@inner
 def roll(w, k, n, particles, pairs, rules, b):
     """Add the torques of rolling resistance of a block; returns the power they dissipate [W]."""
     spin, torque, inverse = particles.spin_next[w], particles.torque[w], particles.inverse_mass[w]

@@ -16,7 +16,7 @@ from graindamp.dem.columns import (
     LOSS_ROLLING,
     WORK_CONTAINER,
 )
-from graindamp.dem.compile import compiled
+from graindamp.dem.compile import compiled, inner
 from graindamp.dem.laws import NormalLaw, TangentialLaw
 from graindamp.dem.state import Worlds
 from graindamp.dem.walls import FOAM_FIRST, nearest
@@ -99,7 +99,7 @@ def energies(worlds: Worlds, w: int = 0) -> Energies:
     )
 
 
-@compiled
+@inner
 def elastic_energy(law, stiffness, overlap):
     """Energy stored by a normal law [J]."""
     if law == NormalLaw.LINEAR:
@@ -107,7 +107,7 @@ def elastic_energy(law, stiffness, overlap):
     return 0.4 * stiffness * overlap * overlap * sqrt(overlap)
 
 
-@compiled
+@inner
 def spring_energy(stretch):
     """Energy stored by a tangential spring [J]."""
     if stretch[3] <= 0.0:

@@ -17,7 +17,7 @@ import numpy as np
 
 from graindamp.dem.backend import NEW, RUNNING, close_sample, fall_due, narrow, note, renew_lists
 from graindamp.dem.columns import LOSS_NORMAL, N_LEDGER
-from graindamp.dem.compile import compiled
+from graindamp.dem.compile import compiled, inner
 from graindamp.dem.contact import find_touching, pair_forces
 from graindamp.dem.energy import velocity_now
 from graindamp.dem.engine import start, with_room
@@ -167,7 +167,7 @@ def gear_advance(w, goal, worlds, place, turn, power, before, control, second, f
         control[0] = wanted
 
 
-@compiled
+@inner
 def rescale(n, ratio, place, turn):
     """Express the arrays in a step `ratio` times as long."""
     if ratio == 1.0:
@@ -181,7 +181,7 @@ def rescale(n, ratio, place, turn):
                 power *= ratio
 
 
-@compiled
+@inner
 def predict(w, n, h, place, turn, particles, bounds):
     """Taylor's series to the end of the step, forces cleared. Returns the largest speed relative to the carried one
     [m/s]."""
@@ -207,7 +207,7 @@ def predict(w, n, h, place, turn, particles, bounds):
     return 1.01 * fastest**0.5
 
 
-@compiled
+@inner
 def correct(w, n, h, place, turn, particles, rules, motion, second, first):
     """Correct all terms by the error of the predicted accelerations; returns the largest correction of a position
     [m]."""

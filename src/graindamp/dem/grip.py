@@ -26,7 +26,7 @@ from graindamp.dem.columns import (
     SPEED_SCALE,
     STIFFNESS,
 )
-from graindamp.dem.compile import compiled
+from graindamp.dem.compile import inner
 from graindamp.dem.laws import NormalLaw
 
 SLOWEST = 1e-5
@@ -34,7 +34,7 @@ SLOWEST = 1e-5
 either way, and d / (e onset) must stay finite."""
 
 
-@compiled
+@inner
 def begin(a, b, radius_a, radius_b, mass_a, mass_b, law, pair, loss, rate, grip):
     """Fill `grip` for a contact of materials a and b that begins at approach speed `rate`.
 
@@ -61,7 +61,7 @@ def begin(a, b, radius_a, radius_b, mass_a, mass_b, law, pair, loss, rate, grip)
     renew(a, b, law, pair, loss, rate, grip)
 
 
-@compiled
+@inner
 def renew(a, b, law, pair, loss, rate, grip):
     """Set the damping constants in `grip` for the approach speed `rate` [m/s]."""
     speed = max(rate, SLOWEST)
@@ -78,7 +78,7 @@ def renew(a, b, law, pair, loss, rate, grip):
         grip[DAMPING] = first * sqrt(grip[MASS] * grip[GRIP_STIFFNESS])
 
 
-@compiled
+@inner
 def speed_bin(speed):
     """Bin of the impact speed histogram [-]."""
     if speed <= LOWEST_SPEED:

@@ -7,7 +7,7 @@ block does not change its neighbours. Pairs are sorted by their two members, so 
 order whatever the reach."""
 
 from graindamp.dem.columns import ONSET
-from graindamp.dem.compile import checked, compiled
+from graindamp.dem.compile import checked, inner
 from graindamp.dem.grip import begin
 from graindamp.dem.laws import TangentialLaw
 from graindamp.status import Status
@@ -162,7 +162,7 @@ def put_back(w, step, n_kept, particles, pairs, rules, scratch):
     pairs.n_outer[w] = n_kept
 
 
-@compiled
+@inner
 def narrow_pairs(w, particles, pairs, reach):
     """Make the inner list: pairs of the outer list that are nearer than `reach` to touching."""
     position = particles.position[w]

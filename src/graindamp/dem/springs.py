@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from graindamp.dem.compile import compiled, pointwise
+from graindamp.dem.compile import inner, pointwise
 
 SMALLEST = 1e-300
 """Guard against division by zero, far below every force, stiffness and speed."""
@@ -40,7 +40,7 @@ def spring_force(px, py, pz, before, x, y, z, u, v, s, du, dv, ds, stiffness, da
     return fx, fy, fz, px, py, pz, loss
 
 
-@compiled
+@inner
 def rolling_torque(x, y, z, wx, wy, wz, normal, coefficient, radius, inertia_limit):
     """Torque against the relative rolling of two bodies [N m], and rolling speed squared times its slope [W].
 

@@ -18,7 +18,7 @@ from graindamp.dem.columns import (
     ROLLING,
     TANGENTIAL_DASHPOT,
 )
-from graindamp.dem.compile import checked, compiled
+from graindamp.dem.compile import checked, inner
 from graindamp.dem.grip import begin, renew, speed_bin
 from graindamp.dem.laws import (
     DASHPOT_SHARE,
@@ -131,7 +131,7 @@ def remember_touch(w, step, k, p, particles, touches, walls, rules, scratch):
             touches.stretch[w, p, c] = scratch.kept_stretch[w, k, c]
 
 
-@compiled
+@inner
 def narrow_touches(w, particles, touches, walls, reach):
     """Make the inner list of wall contacts: plain elements nearer than `reach` to touching, and all elements of
     meshes."""
@@ -151,7 +151,7 @@ def narrow_touches(w, particles, touches, walls, reach):
     touches.n_inner[w] = n_inner
 
 
-@compiled
+@inner
 def wall_forces(w, step, particles, touches, walls, rules, record):
     """Add the forces and torques of the walls of world w on the particles, and sum up the forces on each wall."""
     position, velocity, spin = particles.position[w], particles.velocity_next[w], particles.spin_next[w]

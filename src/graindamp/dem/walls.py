@@ -6,7 +6,7 @@ An element is a kind and up to twenty numbers. All are in the container's frame 
 from enum import IntEnum
 from math import sqrt
 
-from graindamp.dem.compile import compiled
+from graindamp.dem.compile import compiled, inner
 
 
 class WallKind(IntEnum):
@@ -100,13 +100,13 @@ def nearest(kind, shapes, e, edges, x, y, z, radius):
     return away(rx, ry, rz)
 
 
-@compiled
+@inner
 def side(shape, first, x, y, z):
     """Distance of a point from the plane whose four numbers begin at `first` [m]."""
     return x * shape[first] + y * shape[first + 1] + z * shape[first + 2] - shape[first + 3]
 
 
-@compiled
+@inner
 def away(rx, ry, rz):
     """Length and direction of a vector; a zero vector points up."""
     length = sqrt(rx * rx + ry * ry + rz * rz)
@@ -115,7 +115,7 @@ def away(rx, ry, rz):
     return length, rx / length, ry / length, rz / length
 
 
-@compiled
+@inner
 def nearest_on_box(shape, rx, ry, rz):
     """Distance and normal to a solid box from a point relative to its centre."""
     ux, uy, uz = shape[6], shape[7], shape[8]
@@ -147,7 +147,7 @@ def nearest_on_box(shape, rx, ry, rz):
     )
 
 
-@compiled
+@inner
 def nearest_on_cylinder(shape, rx, ry, rz):
     """Distance and normal to a solid cylinder from a point relative to the centre of its first end."""
     ax, ay, az = shape[3], shape[4], shape[5]
