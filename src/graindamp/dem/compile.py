@@ -56,7 +56,8 @@ def inner(body: Body) -> Body:
     """As :func:`compiled`, for a function that only compiled code calls: without its entrance from Python, which takes
     longer to compile than most bodies, because it unpacks every array of the worlds."""
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": FAST, "cache": CACHED, "_nrt": False}
-    result: Body = numba.njit(**options, no_cpython_wrapper=True, no_cfunc_wrapper=True)(body)
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    result: Body = numba.njit(**options)(body)
     return result
 
 
