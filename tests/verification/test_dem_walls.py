@@ -22,6 +22,7 @@ from dem_made import (
 from graindamp.dem.columns import LOSS_LID
 from graindamp.dem.energy import energies
 from graindamp.dem.engine import run, start
+from graindamp.dem.walls import N_SHAPE, WallKind, nearest
 
 RADIUS = 2.5e-3
 MASS = mass_of(RADIUS, STEEL["density"])
@@ -282,3 +283,19 @@ def test_foam_bottoms_out_on_the_lid():
         # Rounding of a coordinate, 1e-18 m, over the overlap of 1e-6 m.
         assert -worlds.particles.force[0, 0, 2] == pytest.approx(stiffness * compression + lid, rel=1e-10)
         assert worlds.record.wall_force[0, :, 2] == pytest.approx([0, lid, stiffness * compression], rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("centre", "distance", "normal"),
+    [
+        ((0.3, 0.0, 0.2), 0.2, (0.0, 0.0, 1.0)),  # above the disc
+        ((1.3, 0.0, 0.4), 0.5, (0.6, 0.0, 0.8)),  # beyond its rim, a 3-4-5 triangle away
+        ((0.0, -1.2, 0.0), 0.2, (0.0, -1.0, 0.0)),  # beside it, in its plane
+    ],
+)
+def test_nearest_point_of_a_disc(centre, distance, normal):
+    """Exact distances to a disc of radius 1 m in the plane z = 0; the tolerance is rounding."""
+    shapes = np.zeros((1, N_SHAPE))
+    shapes[0, 3:7] = 0.0, 0.0, 1.0, 1.0
+    found = nearest(np.int32(WallKind.DISC), shapes, 0, np.zeros((1, 4)), *centre, 0.1)
+    assert found == pytest.approx((distance, *normal), abs=1e-12)

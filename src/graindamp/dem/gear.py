@@ -209,8 +209,7 @@ def predict(w, n, h, place, turn, particles, bounds):
 
 @inner
 def correct(w, n, h, place, turn, particles, rules, motion, second, first):
-    """Correct all terms by the error of the predicted accelerations; returns the largest correction of a position
-    [m]."""
+    """Correct all terms by the error of the predicted accelerations; returns the largest h^2/2 times that error [m]."""
     worst = 0.0
     for i in range(n):
         inverse, inverse_inertia = particles.inverse_mass[w, i, 0], particles.inverse_mass[w, i, 1]

@@ -15,6 +15,7 @@ from graindamp.dem.engine import run, start
 from graindamp.dem.interactions import Interactions
 from graindamp.dem.laws import NormalLaw
 from graindamp.dem.state import Motion, Worlds
+from graindamp.dem.timestep import contacts_between
 from graindamp.dem.world import Bed, world_of
 from graindamp.status import describe
 from graindamp.units import STANDARD_GRAVITY
@@ -88,36 +89,6 @@ def pressure_of(grains: Grains, area: float) -> float:
     return STANDARD_GRAVITY * float(grains.mass.sum()) / area
 
 
-class _Contact(NamedTuple):
-    """One kind of contact: stiffness k of F = k overlap^power, and reduced mass [kg]."""
-
-    stiffness: float
-    mass: float
-    power: float
-
-
-def _contacts(interactions: Interactions, a: int, b: int, radii: tuple[float, float]) -> list[_Contact]:
-    """Contacts of particle material a with b between the smallest and the largest radii [m]."""
-    wall = b >= interactions.n_particle_material
-    found = []
-    for first in radii:
-        for second in (first,) if wall else radii:
-            mass = interactions.density[a] * 4.0 / 3.0 * math.pi * first**3
-            reduced = first
-            if not wall:
-                other = interactions.density[b] * 4.0 / 3.0 * math.pi * second**3
-                mass, reduced = mass * other / (mass + other), first * second / (first + second)
-            row, back = interactions.pair[a, b], interactions.pair[b, a]
-            if interactions.normal != NormalLaw.LINEAR:
-                found.append(_Contact(row[STIFFNESS] * math.sqrt(reduced), mass, 1.5))
-            elif row[RULE] > 0.5:
-                series = 1.0 / (1.0 / (row[STIFFNESS] * first) + 1.0 / (back[STIFFNESS] * second))
-                found.append(_Contact(series, mass, 1.0))
-            else:
-                found.append(_Contact(row[STIFFNESS], mass, 1.0))
-    return found
-
-
 def _radii(radius: Real) -> tuple[float, float]:
     return float(radius.min()), float(radius.max())
 
@@ -133,7 +104,7 @@ def softening(interactions: Interactions, radius: Real, speed: float, pressure: 
     for a in range(interactions.n_particle_material):
         for b in range(len(divisor)):
             factors = []
-            for contact in _contacts(interactions, a, b, radii):
+            for contact in contacts_between(interactions, a, b, radii, radii):
                 power = contact.power
                 overlap = SOFT_OVERLAP * radii[0]
                 impact = 0.5 * (power + 1.0) * contact.mass * speed**2 / overlap ** (power + 1.0)
@@ -169,7 +140,7 @@ def time_step(interactions: Interactions, radius: Real, overlap: float) -> float
     quickest = math.inf
     for a in range(interactions.n_particle_material):
         for b in range(len(interactions.pair)):
-            for contact in _contacts(interactions, a, b, radii):
+            for contact in contacts_between(interactions, a, b, radii, radii):
                 slope = contact.power * contact.stiffness * (overlap * radii[0]) ** (contact.power - 1.0)
                 quickest = min(quickest, math.pi * math.sqrt(contact.mass / slope))
     return float(1.25 * quickest / STEPS_PER_CONTACT)
@@ -184,7 +155,7 @@ def resting_overlap(interactions: Interactions, radius: Real, pressure: float) -
         (force / contact.stiffness) ** (1.0 / contact.power)
         for a in range(interactions.n_particle_material)
         for b in range(len(interactions.pair))
-        for contact in _contacts(interactions, a, b, radii)
+        for contact in contacts_between(interactions, a, b, radii, radii)
     )
     return float(max(1e-3, softest / radii[0]))
 

@@ -385,7 +385,10 @@ class _Notes:
         self.n_field += 1
 
     def lost(self, worlds: Worlds, enclosure: Enclosure) -> bool:
-        """Whether a particle has left the container by more than its radius, or is no number."""
+        """Whether a particle is no number, has left the bounds of a mesh, or is a kilometre away.
+
+        Other walls are endless or closed behind, and push a particle back from any depth.
+        """
         n = int(worlds.particles.n_particle[0])
         position = worlds.particles.position[0, :n]
         if not np.all(np.isfinite(position)):
