@@ -16,7 +16,8 @@ import numpy as np
 
 from graindamp import measure
 from graindamp.dem.packing_store import Packing
-from graindamp.dem.simulate import Run, simulate
+from graindamp.dem.run import Run
+from graindamp.dem.simulate import simulate
 from graindamp.signals.power import OperatingPoint
 from graindamp.signals.simulated import point_of
 from graindamp.spec.measurement import MeasurementSpec

@@ -6,7 +6,7 @@ from graindamp.dem.container import enclosure_of
 from graindamp.dem.energy import Energies
 from graindamp.dem.interactions import interactions_of
 from graindamp.dem.packing_store import Packing
-from graindamp.dem.simulate import Run, Snapshot, VelocityField
+from graindamp.dem.run import Run, Snapshot, VelocityField
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.units import STANDARD_GRAVITY

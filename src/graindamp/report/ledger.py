@@ -9,7 +9,7 @@ from graindamp.report.tables import Table
 from graindamp.report.wording import plain
 
 if TYPE_CHECKING:
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
 
 LOSSES = {
     "loss_normal": "impacts between particles",

@@ -31,7 +31,7 @@ from graindamp.spec.simulation import SimulationSpec
 
 if TYPE_CHECKING:
     from graindamp.dem.container import Enclosure
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
 
 Real = NDArray[np.float64]
 Format = Literal["gif", "mp4"]

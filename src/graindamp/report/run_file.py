@@ -24,7 +24,7 @@ from graindamp.spec.simulation import SimulationSpec
 
 if TYPE_CHECKING:
     from graindamp.dem.packing_store import Packing
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
 
 RUN_FORMAT, PACKING_FORMAT = "graindamp-run-1", "graindamp-packing-1"
 """What a file of each kind says it is."""
@@ -72,7 +72,7 @@ def load_run(path: Path) -> "Run":
     """
     from graindamp.dem.energy import Energies
     from graindamp.dem.packing_store import Packing
-    from graindamp.dem.simulate import Run, Snapshot, VelocityField
+    from graindamp.dem.run import Run, Snapshot, VelocityField
 
     if not path.exists():
         raise InputError(f"{path}: there is no such file; give a run.h5 that 'graindamp simulate' has written")

@@ -34,7 +34,7 @@ from graindamp.status import Status, describe
 
 if TYPE_CHECKING:
     from graindamp.dem.packing_store import Packing
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
 
 DOCUMENT, RUN, SIGNALS, UNIVERSAL, PAGE = "result.json", "run.h5", "signals.h5", "signals.uff", "report.html"
 PICTURES = ("bed", "snapshot", "signals", "cycles", "energy", "velocity-field", "impacts")

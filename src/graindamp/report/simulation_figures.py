@@ -14,7 +14,7 @@ from graindamp.signals.power import OperatingPoint
 from graindamp.signals.simulated import cycle_values, record_of
 
 if TYPE_CHECKING:
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
 
 CYCLES_SHOWN = 4
 """Cycles at the end of a run that the force and motion are shown over."""

@@ -11,7 +11,7 @@ from graindamp.report.outline import wall_triangles
 
 if TYPE_CHECKING:
     from graindamp.dem.container import Enclosure
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
     from graindamp.spec.simulation import SimulationSpec
 
 

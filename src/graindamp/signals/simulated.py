@@ -19,7 +19,7 @@ from graindamp.status import Status
 from graindamp.units import intensity
 
 if TYPE_CHECKING:
-    from graindamp.dem.simulate import Run
+    from graindamp.dem.run import Run
 
 Real = NDArray[np.float64]
 
