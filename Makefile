@@ -45,7 +45,7 @@ $(DEV_STAMP): requirements/dev.txt pyproject.toml | $(BIN)/python
 
 requirements: $(DEV_STAMP)
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-	  --no-header --no-annotate -o requirements/run.txt pyproject.toml requirements/build.in
+	  --no-header --no-annotate -o requirements/run.txt --extra opt --extra cluster pyproject.toml requirements/build.in
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	  --no-header --no-annotate -c requirements/run.txt -o requirements/dev.txt --all-extras pyproject.toml \
 	  requirements/build.in
