@@ -30,6 +30,8 @@ class Status(IntFlag):
     LARGE_OVERLAP = 1048576
     FEW_STEPS = 2097152
     INTERRUPTED = 4194304
+    NOT_CONVERGED = 8388608
+    BISTABLE = 16777216
 
 
 FATAL = (
@@ -74,6 +76,8 @@ REMEDY: dict[Status, str] = {
     Status.LARGE_OVERLAP: "particles overlap by more than 5 % of a radius; soften less",
     Status.FEW_STEPS: "the fastest impact lasted under 20 time steps; raise steps_per_contact or lower the time step",
     Status.INTERRUPTED: "the run was stopped before its end; the result is partial",
+    Status.NOT_CONVERGED: "the standard error is above the tolerance at the limit of cycles; raise max_cycles or seeds",
+    Status.BISTABLE: "the answer depends on where the bed started; both values are kept",
 }
 
 

@@ -103,6 +103,8 @@ class _Surface(NamedTuple):
 
     material: ContactMaterialSpec
     override: ContactOverride
+    is_coating: bool = False
+    """Coatings are soft on purpose, and are not softened further."""
 
 
 def interactions_of(damper: DamperSpec) -> Interactions:
@@ -126,7 +128,7 @@ def interactions_of(damper: DamperSpec) -> Interactions:
         if coating is None:
             wall[name] = n_particle + _place(surfaces, places, base, name)
         else:
-            layer = _Surface(coating.layer, _only_override(coating))
+            layer = _Surface(coating.layer, _only_override(coating), is_coating=True)
             wall[name] = n_particle + _place(surfaces, places, layer, f"coating of {name}")
             backing[name] = n_particle + _place(surfaces, places, base, f"behind coating of {name}")
     insert = tuple(
@@ -196,6 +198,7 @@ class _Chosen:
 
     def __init__(self, contact: ContactSpec, material: ContactMaterialSpec, other: _Surface, is_wall: bool) -> None:
         self.contact, self.a, self.b, self.is_wall = contact, material, other.material, is_wall
+        self.softening = 1.0 if other.is_coating else contact.softening
         names = (
             {canonical(material.name), canonical(other.material.name)}
             if material.name and other.material.name
@@ -228,7 +231,7 @@ class _Chosen:
         row[SPEED_SCALE] = speed_scale
         row[SMOOTHING] = self.contact.smoothing
         back = row.copy()
-        softening = self.contact.softening
+        softening = self.softening
         stiffness = self._value("stiffness")
         if self.contact.law != "linear":
             modulus = reduced_youngs_modulus(self.a, self.b)

@@ -1,6 +1,7 @@
 """What is written down while a run goes on, and the result made of it."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from graindamp.dem.energy import Energies, energies, velocity_now
 from graindamp.dem.motion import DIRECTION, FUNDAMENTAL
 from graindamp.dem.packing_store import Packing
 from graindamp.dem.plan import Plan
-from graindamp.dem.run import Run, Snapshot, VelocityField
+from graindamp.dem.run import BedState, Run, Snapshot, VelocityField
 from graindamp.dem.state import Worlds
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.status import Status
@@ -23,6 +24,21 @@ LARGE_OVERLAP = 0.05
 
 FEW_STEPS = 20
 """Steps in the fastest impact below which its restitution is wrong by more than 0.1 % [-]."""
+
+
+class Cycles(NamedTuple):
+    """Amplitudes of every whole cycle of a run so far, along the motion; each (cycle,)."""
+
+    force: NDArray[np.complex128]
+    """Of the force of the particles on the container at the driving frequency [N]."""
+    velocity: NDArray[np.complex128]
+    """Of the container's velocity [m/s]."""
+
+
+def speed_amplitude(worlds: Worlds, w: int = 0) -> float:
+    """Amplitude of the container's first harmonic [m/s]; 0 for motions without cycles."""
+    omega = float(worlds.motion.timing[w, FUNDAMENTAL])
+    return omega * float(np.linalg.norm(worlds.motion.wave[w, 0, 2:5])) if omega > 0.0 else 0.0
 
 
 class Notes:
@@ -111,14 +127,34 @@ class Notes:
             velocity[place] = np.mean(values, axis=0)
         return VelocityField(low * wanted.cell, wanted.cell, count, velocity, wanted.phase, self.n_field)
 
+    def cycles(self, worlds: Worlds) -> Cycles:
+        """Force and speed of the whole cycles so far."""
+        sums, plan = worlds.record.fourier[0], self.plan
+        whole = sums[np.abs(sums[:, N_STEP] - plan.per_cycle) < 0.5] if plan.per_cycle else sums[:0]
+        scale = 2.0 / max(plan.per_cycle, 1)
+        return Cycles(
+            scale * (whole[:, FORCE_COS] - 1j * whole[:, FORCE_SIN]),
+            scale * (whole[:, SPEED_COS] - 1j * whole[:, SPEED_SIN]),
+        )
+
+    def end(self, worlds: Worlds) -> BedState | None:
+        """The bed now, if the container moves to and fro."""
+        scale = speed_amplitude(worlds)
+        if scale == 0.0:
+            return None
+        velocity, spin = velocity_now(worlds)
+        return BedState(
+            position=worlds.particles.position[0, self.place, :3].copy(),
+            velocity=velocity[self.place] / scale,
+            spin=spin[self.place] * self.packing.radius[:, None] / scale,
+        )
+
     def run(self, worlds: Worlds, n_step: int, seconds: float, status: int) -> Run:
         """All of it together, after `n_step` nominal steps that took `seconds`."""
         record, plan, mass = worlds.record, self.plan, self.mass[self.place]
         n_sample = int(record.n_sample[0])
         series = record.series[0, :n_sample]
-        sums = record.fourier[0]
-        whole = sums[np.abs(sums[:, N_STEP] - plan.per_cycle) < 0.5] if plan.per_cycle else sums[:0]
-        scale = 2.0 / max(plan.per_cycle, 1)
+        cycles = self.cycles(worlds)
         edges = LOWEST_SPEED * 2.0 ** (np.arange(N_SPEED_BIN + 1) / 4.0)
         impacts = record.impact[0].copy()
         struck = np.flatnonzero(impacts.sum(axis=0))
@@ -145,8 +181,8 @@ class Notes:
             ),
             force=series[:, :-1].copy(),
             velocity=series[:, -1].copy(),
-            cycle_force=scale * (whole[:, FORCE_COS] - 1j * whole[:, FORCE_SIN]),
-            cycle_velocity=scale * (whole[:, SPEED_COS] - 1j * whole[:, SPEED_SIN]),
+            cycle_force=cycles.force,
+            cycle_velocity=cycles.velocity,
             direction=worlds.motion.timing[0, DIRECTION : DIRECTION + 3].copy(),
             frequency=self.spec.base_frequency,
             energy_time=np.array(self.times),
@@ -165,4 +201,5 @@ class Notes:
             seconds=seconds,
             steps_per_contact=steps,
             status=status,
+            end=self.end(worlds) if plan.per_cycle and not n_step % plan.per_cycle else None,
         )

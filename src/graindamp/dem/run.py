@@ -50,6 +50,17 @@ class VelocityField(NamedTuple):
     """Cycles averaged over [-]."""
 
 
+class BedState(NamedTuple):
+    """Where all particles are and how they move, in the order of the description: what another run can start from."""
+
+    position: Real
+    """Centres in the container's frame [m]; (particle, 3)."""
+    velocity: Real
+    """Velocities in the container's frame over the speed amplitude of the container [-]; (particle, 3)."""
+    spin: Real
+    """Angular velocities times radius over the same speed [-]; (particle, 3)."""
+
+
 class Run(NamedTuple):
     """What a simulation gives. Time 0 is the start of the motion."""
 
@@ -108,6 +119,8 @@ class Run(NamedTuple):
     """Steps in a contact at the speed of the fastest impact [-]."""
     status: int
     """Status bits, see :class:`graindamp.status.Status`."""
+    end: BedState | None = None
+    """The bed at the end of a run of whole cycles; None for motions without cycles."""
 
     @property
     def bed_mass(self) -> float:

@@ -3,28 +3,34 @@
 import time as clock_of_the_wall
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from graindamp.dem import backend, engine
-from graindamp.dem.container import enclosure_of
+from graindamp.dem.container import Enclosure, enclosure_of
 from graindamp.dem.energy import velocity_now
 from graindamp.dem.excitation import motion_of
 from graindamp.dem.interactions import interactions_of
 from graindamp.dem.motion import START, move
-from graindamp.dem.notes import Notes
+from graindamp.dem.notes import Cycles, Notes, speed_amplitude
 from graindamp.dem.packing import Progress, pack
 from graindamp.dem.packing_store import Packing
 from graindamp.dem.plan import Plan, plan_of
-from graindamp.dem.run import Run
+from graindamp.dem.run import BedState, Run
 from graindamp.dem.state import Motion, Worlds, empty_record
 from graindamp.dem.timestep import expected_speed, shortest_contact
 from graindamp.dem.world import Bed, world_of
+from graindamp.errors import InputError
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.status import Status
 
 SKIN_STEPS = 250.0
 """Steps of the fastest particle that the outer neighbour lists shall last [-]."""
+
+
+Enough = Callable[[Cycles], bool]
+"""Told the amplitudes of all whole cycles so far after each of them; True ends the run."""
 
 
 def simulate(
@@ -33,6 +39,8 @@ def simulate(
     folder: Path | None = None,
     cache: Path | None = None,
     packing: Packing | None = None,
+    start: BedState | None = None,
+    enough: Enough | None = None,
     progress: Progress | None = None,
 ) -> Run:
     """Simulate one operating point.
@@ -44,39 +52,34 @@ def simulate(
         folder: what files in the description are relative to; None: the working folder.
         cache: folder of stored packings; None: that of the user.
         packing: the bed to start from; None: pack, or take the stored one.
+        start: where the particles are and how they move when the motion begins, as a run of the same bed left them;
+            None: at rest, as packed. Speeds are in units of the container's, so that a bed that bounces keeps doing so
+            at a neighbouring frequency or intensity.
+        enough: called after every whole cycle; a run ends when it returns True, at the latest after the cycles that
+            the description asks for. Only for motions with cycles.
         progress: called with stage, fraction done and seconds left, or None where these are not known yet.
 
     Raises:
-        InputError: the bed does not fit, a file cannot be used, a particle starts outside.
+        InputError: the bed does not fit, a file cannot be used, a particle starts outside, `start` is of another bed.
     """
     damper = spec.damper
     if packing is None:
         packing = pack(damper, folder=folder, cache=cache, progress=progress)
-    interactions = interactions_of(damper)
-    enclosure = enclosure_of(damper, interactions, lid_height=packing.lid_height, folder=folder)
-    material = np.asarray(interactions.component, np.int32)[packing.component]
-    motion = motion_of(spec.motion, folder=folder)
-    speed = expected_speed(motion, float(np.linalg.norm(damper.gravity)), float(packing.radius.max()))
-    contact = shortest_contact(interactions, packing.radius, material, speed)
-    plan = plan_of(spec, motion, spec.run.time_step or contact / spec.run.steps_per_contact)
-    smallest = float(packing.radius.min())
-    worlds = world_of(
-        Bed.at_rest(packing.position, packing.radius, material),
-        enclosure,
-        interactions,
-        damper.gravity,
-        plan.time_step,
-        skin=min(max(SKIN_STEPS * speed * plan.time_step, 0.04 * smallest), 0.25 * smallest),
-    )
+    if start is not None and len(start.position) != len(packing.radius):
+        raise InputError(
+            f"start holds {len(start.position)} particles, the bed {len(packing.radius)}; start from a run of this bed"
+        )
+    scene = _scene(spec, packing, folder, start)
+    plan, motion = scene.plan, scene.motion
     status, stopped = 0, False
-    worlds = engine.start(worlds)
-    try:
-        worlds = _settle(worlds, plan, progress)
-    except KeyboardInterrupt:
-        stopped = True
-    worlds = _set_off(worlds, motion, plan, len(enclosure.names))
-    contact_at_one = shortest_contact(interactions, packing.radius, material, 1.0)
-    notes = Notes(spec, worlds, packing, enclosure, plan, contact_at_one)
+    worlds = engine.start(scene.worlds)
+    if start is None:
+        try:
+            worlds = _settle(worlds, plan, progress)
+        except KeyboardInterrupt:
+            stopped = True
+    worlds = _set_off(worlds, motion, plan, len(scene.enclosure.names), start, packing)
+    notes = Notes(spec, worlds, packing, scene.enclosure, plan, scene.contact_at_one)
     start_clock = clock_of_the_wall.perf_counter()
     integrate = engine.run if spec.run.integrator == "verlet" else _gear(spec, packing)
     notes.energy(worlds)
@@ -97,12 +100,48 @@ def simulate(
             if progress is not None:
                 spent = clock_of_the_wall.perf_counter() - start_clock
                 progress("shaking", done / plan.n_step, spent * (plan.n_step / done - 1.0))
+            if enough is not None and plan.per_cycle and not stop % plan.per_cycle and enough(notes.cycles(worlds)):
+                break
     except KeyboardInterrupt:
         stopped = True
     seconds = clock_of_the_wall.perf_counter() - start_clock
     if stopped:
         status |= int(Status.INTERRUPTED)
     return notes.run(worlds, done, seconds, status)
+
+
+class _Scene(NamedTuple):
+    """A world about to be started, and what it follows from."""
+
+    worlds: Worlds
+    enclosure: Enclosure
+    motion: Motion
+    plan: Plan
+    contact_at_one: float
+    """Shortest contact at a speed of 1 m/s [s]."""
+
+
+def _scene(spec: SimulationSpec, packing: Packing, folder: Path | None, start: BedState | None) -> _Scene:
+    damper = spec.damper
+    interactions = interactions_of(damper)
+    enclosure = enclosure_of(damper, interactions, lid_height=packing.lid_height, folder=folder)
+    material = np.asarray(interactions.component, np.int32)[packing.component]
+    motion = motion_of(spec.motion, folder=folder)
+    speed = expected_speed(motion, float(np.linalg.norm(damper.gravity)), float(packing.radius.max()))
+    contact = shortest_contact(interactions, packing.radius, material, speed)
+    plan = plan_of(spec, motion, spec.run.time_step or contact / spec.run.steps_per_contact)
+    smallest = float(packing.radius.min())
+    position = packing.position if start is None else np.ascontiguousarray(start.position)
+    worlds = world_of(
+        Bed.at_rest(position, packing.radius, material),
+        enclosure,
+        interactions,
+        damper.gravity,
+        plan.time_step,
+        skin=min(max(SKIN_STEPS * speed * plan.time_step, 0.04 * smallest), 0.25 * smallest),
+    )
+    at_one = shortest_contact(interactions, packing.radius, material, 1.0)
+    return _Scene(worlds, enclosure, motion, plan, at_one)
 
 
 def _settle(worlds: Worlds, plan: Plan, progress: Progress | None) -> Worlds:
@@ -116,10 +155,13 @@ def _settle(worlds: Worlds, plan: Plan, progress: Progress | None) -> Worlds:
     return worlds
 
 
-def _set_off(worlds: Worlds, motion: Motion, plan: Plan, n_wall: int) -> Worlds:
-    """The settled world with its container about to move.
+def _set_off(
+    worlds: Worlds, motion: Motion, plan: Plan, n_wall: int, start: BedState | None, packing: Packing
+) -> Worlds:
+    """The world with its container about to move.
 
-    A container that starts with a speed leaves the particles behind: in its frame they start with the opposite one.
+    A container that starts with a speed leaves a resting bed behind: in its frame the particles start with the opposite
+    one. A bed that another run left in motion goes on relative to the container as it was.
     """
     velocity, spin = velocity_now(worlds)
     motion.timing[0, START] = worlds.clock.time[0]
@@ -127,7 +169,13 @@ def _set_off(worlds: Worlds, motion: Motion, plan: Plan, n_wall: int) -> Worlds:
     n_sample = plan.n_step // plan.stride + 1
     record = empty_record(1, n_wall, n_sample, plan.stride, plan.n_cycle)
     worlds = worlds._replace(motion=motion, record=record)
-    worlds.particles.velocity[0, :, :3] = velocity - motion.velocity[0]
+    if start is None:
+        velocity = velocity - motion.velocity[0]
+    else:
+        order, scale = worlds.particles.identity[0], speed_amplitude(worlds)
+        velocity = scale * start.velocity[order]
+        spin = scale * start.spin[order] / packing.radius[order, None]
+    worlds.particles.velocity[0, :, :3] = velocity
     worlds.particles.spin[0, :, :3] = spin
     backend.shift(0, -0.5 * plan.time_step, worlds.particles, worlds.rules, worlds.motion)
     worlds.clock.drift[0, 3:7] = backend.BEYOND

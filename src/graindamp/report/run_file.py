@@ -30,7 +30,7 @@ RUN_FORMAT, PACKING_FORMAT = "graindamp-run-1", "graindamp-packing-1"
 """What a file of each kind says it is."""
 
 _COMPLEX = ("cycle_force", "cycle_velocity")
-_OWN_GROUP = ("spec", "packing", "enclosure", "energy", "snapshots", "velocity_field", "names")
+_OWN_GROUP = ("spec", "packing", "enclosure", "energy", "snapshots", "velocity_field", "names", "end")
 """Fields of a run that are no plain array or number."""
 
 
@@ -60,6 +60,8 @@ def save_run(run: "Run", path: Path) -> Path:
             _put_rows(file.create_group("snapshots"), run.snapshots)
             if run.velocity_field is not None:
                 _put(file.create_group("velocity_field"), run.velocity_field)
+            if run.end is not None:
+                _put(file.create_group("end"), run.end)
 
     return _written(path, fill)
 
@@ -72,7 +74,7 @@ def load_run(path: Path) -> "Run":
     """
     from graindamp.dem.energy import Energies
     from graindamp.dem.packing_store import Packing
-    from graindamp.dem.run import Run, Snapshot, VelocityField
+    from graindamp.dem.run import BedState, Run, Snapshot, VelocityField
 
     if not path.exists():
         raise InputError(f"{path}: there is no such file; give a run.h5 that 'graindamp simulate' has written")
@@ -80,7 +82,7 @@ def load_run(path: Path) -> "Run":
         with h5py.File(path, "r") as file:
             _check_format(path, str(file.attrs.get("format", "")), RUN_FORMAT, "run file of 'graindamp simulate'")
             values = _got(file, Run, without=_OWN_GROUP)
-            field = file.get("velocity_field")
+            field, end = file.get("velocity_field"), file.get("end")
             values |= {
                 "spec": _spec(str(file.attrs["spec"]), path),
                 "names": tuple(json.loads(file.attrs["names"])),
@@ -89,6 +91,7 @@ def load_run(path: Path) -> "Run":
                 "energy": _got_rows(file["energy"], Energies),
                 "snapshots": _got_rows(file["snapshots"], Snapshot),
                 "velocity_field": None if field is None else VelocityField(**_got(field, VelocityField)),
+                "end": None if end is None else BedState(**_got(end, BedState)),
             }
             return Run(**values)
     except InputError:

@@ -139,15 +139,28 @@ def status_of(run: "Run", point: OperatingPoint) -> Status:
 def cycle_values(run: "Run") -> CycleValues:
     """Loss factor and effective mass ratio cycle by cycle, from the engine's own sums over all steps.
 
-    With F the amplitude of the force ON the container by its drive and V that of its velocity, M = F / (i Omega V) =
-    m_bed (m' - i eta).
-
     Args:
         run: a simulated run; empty without a frequency.
     """
     if run.frequency is None or not len(run.cycle_force):
         return CycleValues(np.empty(0), np.empty(0))
-    omega = 2.0 * np.pi * run.frequency
+    return ratios_of(run.cycle_force, run.cycle_velocity, 2.0 * np.pi * run.frequency, bed_mass_of(run))
+
+
+def ratios_of(
+    force: NDArray[np.complex128], velocity: NDArray[np.complex128], omega: float, mass: float
+) -> CycleValues:
+    """Loss factor and effective mass ratio from amplitudes of single cycles.
+
+    With F the amplitude of the force ON the container by its drive and V that of its velocity, M = F / (i Omega V) =
+    m_bed (m' - i eta).
+
+    Args:
+        force: amplitudes of the force of the particles on the container [N]; (cycle,).
+        velocity: amplitudes of the container's velocity [m/s]; (cycle,).
+        omega: angular frequency of the motion [rad/s].
+        mass: mass of all particles [kg].
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = -np.asarray(run.cycle_force) / (1j * omega * np.asarray(run.cycle_velocity)) / bed_mass_of(run)
+        ratio = -np.asarray(force) / (1j * omega * np.asarray(velocity)) / mass
     return CycleValues(np.ascontiguousarray(-ratio.imag), np.ascontiguousarray(ratio.real))

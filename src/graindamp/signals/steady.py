@@ -11,18 +11,23 @@ MIN_CYCLES = 4
 """Fewest cycles from which a mean and its error are given."""
 
 
-def transient_length(value: NDArray[np.complex128] | Real) -> int:
+def transient_length(value: NDArray[np.complex128] | Real, share: float = 1.0 / 3.0, least: int = MIN_CYCLES) -> int:
     """Number of cycles to drop at the start: those whose removal most lowers the standard error of the mean.
 
     Marginal standard error rule on means of two cycles, because beds often answer with half the driving frequency and
-    the alternation would drown the transient. At most a third of the record is dropped, so that a slow drift is
-    reported, not cut away.
+    the alternation would drown the transient. Of a record at most a third is dropped, so that a slow drift is
+    reported, not cut away; a run that goes on until it is steady may drop more.
+
+    Args:
+        value: one value per cycle; (cycle,).
+        share: part of the cycles that is dropped at most [-].
+        least: cycles that stay at least [-].
 
     Source: White (1997), Simulation 69, 323-334.
     """
     n = len(value)
     pairs = value[n % 2 :].reshape(-1, 2).mean(axis=1)
-    longest = min(n // 3, n - MIN_CYCLES) // 2
+    longest = min(int(n * share + 1e-9), n - least) // 2
     statistic = [np.var(pairs[drop:]) / (len(pairs) - drop) for drop in range(max(longest, 0) + 1)]
     best = int(np.argmin(statistic))
     return 2 * best + (n % 2 if best else 0)

@@ -211,9 +211,9 @@ class ContactSpec(Spec):
     materials), "as-printed" (Wong & Rongong 2009, Eq. 11, with stiffness_rule only), or its ratio to the normal
     stiffness [-], above 0 to 10."""
     softening: Number = Field(default=1.0, ge=1, le=LARGEST_SOFTENING)
-    """Divisor of every stiffness [-], 1 to 10000: allows time steps longer by its power 0.4 (linear: 0.5) at the
-    price of overlaps larger by as much. Compare two values before trusting a result: a softened bed bounces
-    otherwise."""
+    """Divisor of every stiffness but that of coatings and foam [-], 1 to 10000: allows time steps longer by its power
+    0.4 (linear: 0.5) at the price of overlaps larger by as much. Compare two values before trusting a result: a
+    softened bed bounces otherwise."""
     pairs: tuple[PairSpec, ...] = ()
     """Pairs of materials with constants of their own ([[damper.contact.pairs]] in the file)."""
 
