@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from graindamp.errors import InputError
+from graindamp.spec.contact import LARGEST_SOFTENING
 from graindamp.spec.model import Spec
 from graindamp.spec.motion import HarmonicMotion
 from graindamp.spec.quantity import Direction, Frequency, Intensity, Number
@@ -162,6 +163,23 @@ class StopSpec(Spec):
         return self
 
 
+class SofteningSpec(Spec):
+    """A few points at several stiffnesses, which say what the chosen softening of the contacts does to the field."""
+
+    points: tuple[tuple[Frequency, Intensity], ...] = Field(min_length=1, max_length=100)
+    """Frequency and intensity of each point, such as [["100 Hz", 20], ["500 Hz", 3]]; choose one for each kind of
+    motion."""
+    factors: tuple[Annotated[Number, Field(ge=1, le=LARGEST_SOFTENING)], ...] = Field(min_length=2, max_length=20)
+    """Softenings to compare, ascending, 1 to 10000, at least two; the smallest should be a tenth of the chosen one or
+    less. Each costs time steps in proportion to its power -0.4 (linear law: -0.5)."""
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Self:
+        if any(b <= a for a, b in pairwise(self.factors)):
+            raise InputError(f"factors must ascend without repeats, given {', '.join(f'{v:g}' for v in self.factors)}")
+        return self
+
+
 def _plan(value: Any) -> Any:
     """A plan without a kind is a grid."""
     return {"kind": "grid"} | value if isinstance(value, dict) and "kind" not in value else value
@@ -188,6 +206,8 @@ class FieldSpec(Spec):
     hysteresis: Literal["none", "intensity", "all"] = "none"
     """Whether every point is also started from the end of its neighbours' runs: of those in intensity, or in frequency
     as well; points that answer differently are marked and keep both values. For plans of kind = "grid"."""
+    softening_study: SofteningSpec | None = None
+    """What damper.contact.softening does to the field: a few points at several stiffnesses; default: not studied."""
     steps_per_contact: int = Field(default=40, ge=10, le=1000)
     """Time steps per shortest contact, 10 to 1000."""
 
