@@ -107,11 +107,18 @@ def standard_error(value: Real) -> float:
 
 
 def _drifts(value: Real, scale: float) -> bool:
-    """Whether the halves of a series differ by more than `scale` and by more than chance."""
+    """Whether the halves of a series differ by more than `scale` and by more than chance.
+
+    Chance is judged on what a straight line leaves over, since a drift would count as scatter otherwise.
+    """
     half = len(value) // 2
-    first, second = value[:half], value[len(value) - half :]
-    change = abs(float(second.mean() - first.mean()))
-    return change > scale and change > DRIFT_ERRORS * math.hypot(standard_error(first), standard_error(second))
+    first, second = slice(0, half), slice(len(value) - half, None)
+    change = abs(float(value[second].mean() - value[first].mean()))
+    place = np.arange(len(value)) - 0.5 * (len(value) - 1)
+    rest = value - place * (np.dot(place, value) / np.dot(place, place))
+    return change > scale and change > DRIFT_ERRORS * math.hypot(
+        standard_error(rest[first]), standard_error(rest[second])
+    )
 
 
 class Stopping:

@@ -1,0 +1,159 @@
+"""Accuracy and cost of the stopping rule against a fixed number of cycles, over a spread of kinds of motion.
+
+Long runs of one damper at operating points of all kinds of motion are the reference; the rule and fixed numbers of
+cycles are then tried on the beginnings of the same series, so that all of them see the same beds.
+
+    python benchmarks/stopping_rule.py [--cycles 250] [--seeds 2] [--store FOLDER] [--out FILE.md]
+"""
+
+import argparse
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graindamp.campaign.point import task_of
+from graindamp.signals.simulated import cycle_values
+from graindamp.signals.stopping import Estimate, Stopping, estimate
+from graindamp.spec.field import FieldSpec
+from graindamp.spec.model import load_spec
+
+Real = NDArray[np.float64]
+
+DAMPER = Path(__file__).parent.parent / "examples" / "small-damper-field.toml"
+POINTS = ((100, 40), (100, 20), (60, 15), (40, 10), (150, 8), (250, 20), (100, 2.5), (60, 1.2), (500, 3), (800, 1.5))
+"""Frequency [Hz] and intensity [-]: bouncing, below the edge, fluidised, decoupled."""
+
+FLOOR = 0.05
+REFERENCE_FROM = 40
+"""Cycles that the reference leaves out at the start [-]."""
+
+
+class Series(NamedTuple):
+    frequency: float
+    intensity: float
+    loss_factor: Real
+    mass_ratio: Real
+
+
+class Trial(NamedTuple):
+    errors: Real
+    """Larger of the errors of eta and m' over the larger of eta and the floor; (series,)."""
+    deviations: Real
+    """Error of eta over its standard error, reference included; (series,)."""
+    cycles: NDArray[np.int64]
+
+
+def simulated(spec: FieldSpec, f: float, gamma: float, seed: int, n_cycle: int, store: Path) -> Series:
+    """A long run, or its series if the store has it."""
+    from graindamp.dem.simulate import simulate
+
+    path = store / f"{f:g}-{gamma:g}-{seed}-{n_cycle}.npz"
+    if not path.exists():
+        one = task_of(spec, f, gamma, seed).simulation
+        run = simulate(one.model_copy(update={"run": one.run.model_copy(update={"cycles": float(n_cycle)})}))
+        values = cycle_values(run)
+        store.mkdir(parents=True, exist_ok=True)
+        np.savez(path, loss_factor=values.loss_factor, mass_ratio=values.effective_mass_ratio)
+        print(f"{f:g} Hz, {gamma:g} g, bed {seed}: {run.seconds:.0f} s", flush=True)
+    with np.load(path) as file:
+        return Series(f, gamma, file["loss_factor"], file["mass_ratio"])
+
+
+def with_rule(tolerance: float) -> Callable[[Series], tuple[Estimate, int]]:
+    """The rule with a tolerance."""
+
+    def found(series: Series) -> tuple[Estimate, int]:
+        rule, n = Stopping(tolerance, FLOOR, 12), len(series.loss_factor)
+        stop = next((k for k in range(8, n) if rule.enough(series.loss_factor[:k], series.mass_ratio[:k])), n)
+        return estimate(series.loss_factor[:stop], series.mass_ratio[:stop], FLOOR), stop
+
+    return found
+
+
+def with_fixed(n_cycle: int) -> Callable[[Series], tuple[Estimate, int]]:
+    """A fixed number of cycles, transient dropped by the same means."""
+    return lambda series: (estimate(series.loss_factor[:n_cycle], series.mass_ratio[:n_cycle], FLOOR), n_cycle)
+
+
+def tried(way: Callable[[Series], tuple[Estimate, int]], many: list[Series]) -> Trial:
+    errors, deviations, cycles = [], [], []
+    for series in many:
+        truth = estimate(series.loss_factor[REFERENCE_FROM:], series.mass_ratio[REFERENCE_FROM:], FLOOR)
+        found, n = way(series)
+        change = abs(found.loss_factor - truth.loss_factor)
+        other = abs(found.effective_mass_ratio - truth.effective_mass_ratio)
+        errors.append(max(change, other) / max(abs(truth.loss_factor), FLOOR))
+        deviations.append(change / np.hypot(found.loss_factor_se, truth.loss_factor_se))
+        cycles.append(n)
+    return Trial(np.array(errors), np.array(deviations), np.array(cycles))
+
+
+def report(many: list[Series]) -> str:
+    ways = {f"{n} cycles": with_fixed(n) for n in (25, 50)}
+    ways |= {f"rule, {100 * tolerance:g} %": with_rule(tolerance) for tolerance in (0.02, 0.03, 0.05, 0.08)}
+    trials = {name: tried(way, many) for name, way in ways.items()}
+    frequency = np.array([series.frequency for series in many])
+    lines = [
+        "| way | simulated time [s] | rms error | median error | largest error | rms deviation [standard errors] |",
+        "| --- | --: | --: | --: | --: | --: |",
+    ]
+    for name, trial in trials.items():
+        e = trial.errors
+        lines.append(
+            f"| {name} | {np.sum(trial.cycles / frequency):.2f} | {np.sqrt(np.mean(e**2)):.3f} | {np.median(e):.3f} "
+            f"| {e.max():.3f} | {np.sqrt(np.mean(trial.deviations**2)):.1f} |"
+        )
+    lines += ["", "Cycles and error at each point, first bed:", ""]
+    lines += [
+        "| f [Hz] | Γ | η of the long run | " + " | ".join(ways) + " |",
+        "| --: | --: | --: |" + " --: |" * len(ways),
+    ]
+    for place in range(len(POINTS)):
+        series = many[place]
+        truth = estimate(series.loss_factor[REFERENCE_FROM:], series.mass_ratio[REFERENCE_FROM:], FLOOR)
+        cells = [f"{trial.cycles[place]} ({100 * trial.errors[place]:.1f} %)" for trial in trials.values()]
+        lines.append(
+            f"| {series.frequency:g} | {series.intensity:g} | {truth.loss_factor:.4f} ± {truth.loss_factor_se:.4f} | "
+            + " | ".join(cells)
+            + " |"
+        )
+    better, fixed = trials["rule, 5 %"], trials["25 cycles"]
+    cost = [float(np.sum(trial.cycles / frequency)) for trial in (better, fixed)]
+    assert np.mean(better.errors**2) <= np.mean(fixed.errors**2), "the rule is less accurate than 25 cycles"
+    assert cost[0] < cost[1], "the rule costs more than 25 cycles"
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cycles", type=int, default=250)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--store", type=Path, default=Path("stopping-rule"))
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "stopping_rule.md")
+    given = parser.parse_args()
+    spec = load_spec(DAMPER, FieldSpec)
+    many = [
+        simulated(spec, f, gamma, seed, given.cycles, given.store) for seed in range(given.seeds) for f, gamma in POINTS
+    ]
+    text = "\n".join([
+        "# Stopping rule against fixed numbers of cycles",
+        "",
+        f"date {date.today()}, damper examples/{DAMPER.name}, {given.seeds} beds, long runs of {given.cycles} cycles;",
+        f"the reference leaves out the first {REFERENCE_FROM} of them.",
+        "",
+        "Errors are the larger of those of η and m′ over the larger of η and 0.05, against the long run of the bed.",
+        "A deviation of 1 would say that standard errors tell the whole truth.",
+        "",
+        report(many),
+        "",
+    ])  # fmt: skip
+    given.out.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
