@@ -1,0 +1,722 @@
+"""Effective field with error bars from scattered points: two Gaussian processes that meet at an uncertain edge.
+
+eta and m' fall into two regimes that share nothing: *collect and collide*, where the stroke X = Gamma g / (2 pi f)^2
+is large enough for the bed to cross its clearance, and everything below (solid-like, fluidised, decoupled). One
+stationary process cannot follow the jump between them. Here each regime has its own process in its own coordinates,
+and a gate
+
+    s = 1 / (1 + exp(-(ln(X / X_opt) - position - slope F - curvature F^2) / width)),   F = ln(f / 100 Hz),
+    y = (1 - s) y_below + s y_above
+
+passes from one to the other. Where the edge lies is a question of probability: a lattice of edges is weighed by the
+marginal likelihood of all points, and a prediction is the mixture over it. Between the last point below and the first
+point above, the edges disagree, and the error bar grows by itself to the height of the jump.
+
+Sources: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 2.2, 2.7, 5.4.2; change
+surfaces: Herlands et al. (2016), AISTATS, PMLR 51, 1013-1021; mixtures over partitions: Gramacy & Lee (2008), JASA
+103, 1119-1130.
+"""
+
+import copy
+from collections.abc import Iterator
+from functools import lru_cache
+from importlib.util import find_spec
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from graindamp.errors import InputError
+from graindamp.field.schema import check, make_field, places_of
+from graindamp.field.theory import collect_and_collide, stroke_ratio_best, stroke_ratio_max
+from graindamp.status import FATAL
+from graindamp.units import STANDARD_GRAVITY
+
+Real = NDArray[np.float64]
+
+MIN_POINTS = 6
+"""Fewest usable points from which a surrogate is made."""
+CLEARANCE_FACTORS = (0.7, 1.0, 1.4, 2.0, 2.8)
+"""Clearances tried for the mean function, over the one given: beds compact while they are shaken, by factors."""
+DEFAULT_ERROR = 0.02
+"""Standard error assumed where it is unknown, over max(eta, 0.05)."""
+SMALLEST_ETA = 0.05
+
+_EDGE_SPREAD, _EDGE_LIMIT, _EDGE_STEP = 0.7, 1.6, 0.1
+_SLOPES, _SLOPE_SPREAD = (-0.3, -0.15, 0.0, 0.15, 0.3), 0.15
+_CURVATURES, _CURVATURE_SPREAD = (-0.35, 0.0, 0.35), 0.25
+_COARSE_WIDTHS, _WIDTHS = (0.03, 0.1), (0.02, 0.05, 0.12)
+_NO_EDGE = 1e3
+_NO_EDGE_PROBABILITY = 0.02
+_FEWEST_WEIGHT, _MOST_EDGES, _CHUNK = 1e-3, 64, 32
+_LARGEST_LOG_VARIANCE = 1.0
+
+
+class Form(NamedTuple):
+    """What kind of surrogate; the defaults won the comparison in docs/surrogate.md."""
+
+    offset: float = 0.05
+    """The process describes ln(eta + offset), which has about constant error where that of eta is relative to
+    max(eta, offset); inf describes eta itself."""
+    smoothness: float = 2.5
+    """nu of the Matern covariances: 1.5 or 2.5."""
+    has_edge: bool = True
+    """Two regimes with an edge between them; False leaves one process over all points."""
+    has_theory: bool = True
+    """Let the marginal likelihood choose between a constant mean and collect-and-collide theory above the edge."""
+    has_stretch: bool = True
+    """Let the marginal likelihood choose whether the axis ln Gamma is stretched threefold around Gamma = 1.1, where a
+    bed held by gravity comes loose."""
+
+
+class SurrogateValues(NamedTuple):
+    """Surrogate at some operating points; all arrays have the shape of the frequencies and intensities asked for."""
+
+    loss_factor: Real
+    """eta [-]."""
+    effective_mass_ratio: Real
+    """m' [-]."""
+    loss_factor_se: Real
+    """Predicted standard error of eta [-], of the field itself: the noise of a single run is not in it."""
+    effective_mass_ratio_se: Real
+    """Predicted standard error of m' [-], likewise."""
+
+
+class LeaveOneOut(NamedTuple):
+    """Each point predicted from all others; shape (point,)."""
+
+    loss_factor_residual: Real
+    """Value at the point less its prediction [-]."""
+    effective_mass_ratio_residual: Real
+    loss_factor_sd: Real
+    """Predicted standard deviation of the residual [-], the noise of the point included; not inflated."""
+    effective_mass_ratio_sd: Real
+    log_density: Real
+    """Logarithm of the joint density predicted for eta and m' at the values that were found [-]."""
+
+
+class Edge(NamedTuple):
+    """Where collect and collide begins, at some frequencies."""
+
+    intensity: Real
+    """Gamma at the edge [-], median over the probable edges; NaN if no edge is more probable than one."""
+    log_sd: Real
+    """Standard deviation of ln Gamma at the edge [-]."""
+    probability: float
+    """Probability that the points have an edge at all [-]."""
+
+
+class _Places(NamedTuple):
+    """Operating points in the coordinates of both regimes."""
+
+    below: Real  # ln(f / 100 Hz), ln Gamma (stretched); (point, 2)
+    above: Real  # ln(X / X_opt), ln(f / 100 Hz);        (point, 2)
+    intensity: Real  # ln Gamma; (point,)
+
+    @property
+    def stroke(self) -> Real:
+        return self.above[:, 0]
+
+    @property
+    def frequency(self) -> Real:
+        return self.above[:, 1]
+
+
+class _Quantity(NamedTuple):
+    """What is presumed of eta (transformed) or m' before any point is known."""
+
+    amplitude: float  # standard deviation of either process
+    level_below: float
+    level_above: float
+    level_sd: float  # of the level and, halved, of the slope over ln Gamma below the edge
+    row: int  # of the theory's table
+
+
+class _Posterior(NamedTuple):
+    """Probable edges and, given each, the process conditioned on the points, for eta and m'."""
+
+    edges: Real  # position, slope, curvature, width, log prior; (edge, 5)
+    weight: Real  # (edge,), sums to 1
+    inverse: tuple[Real, Real]  # of the covariance of the points; (edge, point, point)
+    coefficient: tuple[Real, Real]  # inverse times (value - mean); (edge, point)
+
+
+class Surrogate:
+    """eta and m' as functions of frequency and intensity, with standard errors, from scattered points.
+
+    The same points give the same surrogate, whatever was computed before.
+    """
+
+    def __init__(
+        self, points: xr.Dataset, clearance: float | None, restitution: float = 0.0, form: Form | None = None
+    ) -> None:
+        """Fit a surrogate.
+
+        Args:
+            points: effective field, grid or scattered. Points with a fatal status are left out; standard errors that
+                are unknown count as 2 % of max(eta, 0.05).
+            clearance: free travel h of the bed [m], the edge is expected within a factor of two about X = h / pi; None
+                expects it anywhere between the points, and knows no theory.
+            restitution: coefficient of restitution of bed and end wall [-], of the theory.
+            form: other assumptions than the usual ones.
+
+        Raises:
+            InputError: scikit-learn is missing, not a field, fewer than six usable points, or an argument outside its
+                range.
+        """
+        if find_spec("sklearn") is None:
+            raise InputError('a surrogate needs scikit-learn; install it with: pip install "graindamp[opt]"')
+        if clearance is not None and not (np.isfinite(clearance) and clearance > 0):
+            raise InputError(f"clearance is {clearance} m, but must be a finite length above 0, or None if unknown")
+        check(points, "points of a surrogate")
+        self.form = form or Form()
+        self.bed_mass = float(points.attrs["bed_mass"])
+        self.source = str(points.attrs.get("source", "unknown"))
+        self.frequency, self.intensity, self.values, self.errors = _usable(points)
+        if len(self.frequency) < MIN_POINTS:
+            raise InputError(f"a surrogate needs at least {MIN_POINTS} usable points, given {len(self.frequency)}")
+        stroke = _stroke(self.frequency, self.intensity)
+        self.optimum = clearance / np.pi if clearance is not None else float(np.exp(np.mean(np.log(stroke))))
+        self._table = _theory_table(restitution) if clearance is not None and self.form.has_theory else None
+        self._quantities = _presumed(self.form)
+        self._is_free = clearance is None
+        self._lattice = _lattice(self.form, np.log(stroke / self.optimum) if self._is_free else None)
+        self.clearance_factor: float | None = None
+        self.stretch = 1.0
+        self._theta = [_prior(quantity)[0] for quantity in self._quantities]
+        self._choose()
+        self._posterior = self._conditioned(self._refined())
+        self._inflation = self._calibrated()
+
+    @classmethod
+    def of_arrays(
+        cls,
+        frequency: ArrayLike,
+        intensity: ArrayLike,
+        loss_factor: ArrayLike,
+        effective_mass_ratio: ArrayLike,
+        loss_factor_se: ArrayLike,
+        effective_mass_ratio_se: ArrayLike,
+        *,
+        clearance: float | None,
+        restitution: float = 0.0,
+        form: Form | None = None,
+    ) -> "Surrogate":
+        """Fit a surrogate to arrays of shape (point,): f [Hz], Gamma, eta, m' and their standard errors [-].
+
+        The bed mass, which only energies need, is taken as 1 kg.
+        """
+        errors = {"loss_factor_se": loss_factor_se, "effective_mass_ratio_se": effective_mass_ratio_se}
+        points = make_field(
+            frequency,
+            intensity,
+            loss_factor,
+            effective_mass_ratio,
+            1.0,
+            source="arrays",
+            scattered=True,
+            variables=errors,
+        )
+        return cls(points, clearance, restitution, form)
+
+    def predict(self, frequency: ArrayLike, intensity: ArrayLike) -> SurrogateValues:
+        """Field at frequencies [Hz] and intensities [-], arrays of one shape or broadcast to one.
+
+        Beyond the points the processes return to their means and the errors grow; nothing is refused here.
+
+        Raises:
+            InputError: values that are not finite or not above 0.
+        """
+        f, gamma = np.broadcast_arrays(np.asarray(frequency, float), np.asarray(intensity, float))
+        if not (np.all(np.isfinite(f) & (f > 0)) and np.all(np.isfinite(gamma) & (gamma > 0))):
+            raise InputError("frequency [Hz] and intensity [-] must be finite and above 0")
+        places = self._places(f.ravel(), gamma.ravel())
+        mean, variance = self._given_edges(places)
+        region = _regions(self._posterior.weight, _gate(self._posterior.edges, places))
+        values, errors = [], []
+        for k in (0, 1):
+            value, error = _mixture(mean[k], variance[k], self._posterior.weight[:, None], self._offset(k))
+            values.append(value.reshape(f.shape))
+            errors.append((error * np.sqrt(self._inflation[k] @ region)).reshape(f.shape))
+        return SurrogateValues(values[0], values[1], errors[0], errors[1])
+
+    def field(
+        self, frequency: ArrayLike, intensity: ArrayLike, outside: Literal["refuse", "mark"] = "refuse"
+    ) -> xr.Dataset:
+        """Effective field on a grid.
+
+        Args:
+            frequency: [Hz], ascending, shape (frequency,).
+            intensity: Gamma [-], ascending, shape (intensity,).
+            outside: "refuse" raises where the grid leaves the convex hull of the points in ln f, ln Gamma; "mark" gives
+                NaN and Status.NO_SOLUTION there.
+
+        Raises:
+            InputError: an unknown policy, a grid outside the points, or one outside altogether.
+        """
+        if outside not in ("refuse", "mark"):
+            raise InputError(f"outside is {outside!r}; allowed are 'refuse', 'mark'")
+        f, gamma = np.asarray(frequency, float), np.asarray(intensity, float)
+        values = self.predict(f[:, None], gamma[None])
+        covered = self.covers(f[:, None], gamma[None])
+        if outside == "refuse" and not covered.all():
+            i, j = np.argwhere(~covered)[0]
+            raise InputError(
+                f"{f[i]:.4g} Hz, intensity {gamma[j]:.4g} is outside the points of the surrogate "
+                f"({self.frequency.min():.4g} to {self.frequency.max():.4g} Hz, {self.intensity.min():.4g} to "
+                f"{self.intensity.max():.4g}); add points there, or mark it with outside = 'mark'"
+            )
+        eta, mass, eta_se, mass_se = (np.where(covered, value, np.nan) for value in values)
+        return make_field(
+            f,
+            gamma,
+            np.maximum(eta, 0.0),
+            mass,
+            self.bed_mass,
+            source=f"Gaussian process surrogate of {len(self.frequency)} points ({self.source})",
+            variables={"loss_factor_se": eta_se, "effective_mass_ratio_se": mass_se},
+        )
+
+    def covers(self, frequency: ArrayLike, intensity: ArrayLike) -> NDArray[np.bool_]:
+        """True inside the convex hull of the points in ln f, ln Gamma; broadcast shape.
+
+        Raises:
+            InputError: the points lie on one line.
+        """
+        from scipy.spatial import ConvexHull, QhullError
+
+        f, gamma = np.broadcast_arrays(np.asarray(frequency, float), np.asarray(intensity, float))
+        try:
+            hull = ConvexHull(np.log(np.column_stack([self.frequency, self.intensity])))
+        except QhullError:
+            raise InputError("the points of the surrogate lie on one line and span no area; add others") from None
+        place = np.log(np.stack([f, gamma], axis=-1))
+        inside = place @ hull.equations[:, :2].T + hull.equations[:, 2] <= 1e-9
+        return np.asarray(inside.all(axis=-1))
+
+    def edge(self, frequency: ArrayLike) -> Edge:
+        """Intensity at which collect and collide begins, at frequencies [Hz] of any shape."""
+        f = np.asarray(frequency, float)
+        edges, weight = self._posterior.edges, self._posterior.weight
+        real = edges[:, 0] < _NO_EDGE
+        probability = min(1.0, float(weight[real].sum()))
+        if probability < 0.5:
+            return Edge(np.full(f.shape, np.nan), np.full(f.shape, np.nan), probability)
+        edges, weight = edges[real], weight[real] / probability
+        base = np.log(self.optimum * (2 * np.pi * f) ** 2 / STANDARD_GRAVITY)
+        line = base[..., None] + _threshold(edges, np.log(f / 100.0)[..., None])
+        mean = line @ weight
+        # A transition of logistic shape has a standard deviation of pi / sqrt(3) times its width.
+        spread = ((line - mean[..., None]) ** 2 + (edges[:, 3] * np.pi) ** 2 / 3.0) @ weight
+        order = np.argsort(line, axis=-1)
+        share = np.cumsum(weight[order], axis=-1)
+        middle = np.take_along_axis(order, np.argmax(share >= 0.5, axis=-1)[..., None], axis=-1)
+        median = np.take_along_axis(line, middle, axis=-1)[..., 0]
+        return Edge(np.exp(median), np.sqrt(spread), probability)
+
+    def leave_one_out(self) -> LeaveOneOut:
+        """Residual of every point from the prediction of all others, by formula, for fixed hyperparameters.
+
+        Given an edge, the inverse K^-1 of the covariance of the points yields all of them: y_i - [K^-1 y]_i / [K^-1]_ii
+        with variance 1 / [K^-1]_ii. The weight of an edge without point i is its weight over the density it predicts
+        for point i, so that the mixture, too, is exact.
+
+        Source: Rasmussen & Williams (2006), Eqs 5.10 to 5.12; Dubrule (1983), Math. Geology 15, 687-699.
+        """
+        posterior = self._posterior
+        transformed, _ = self._transformed()
+        means, variances = [], []
+        log_density = np.zeros(posterior.coefficient[0].shape)
+        for k in (0, 1):
+            precision = np.diagonal(posterior.inverse[k], axis1=1, axis2=2)
+            residual = posterior.coefficient[k] / precision
+            means.append(transformed[k] - residual)
+            variances.append(1.0 / precision)
+            log_density += 0.5 * (np.log(precision / (2 * np.pi)) - precision * residual**2)
+        log_weight = np.log(posterior.weight)[:, None] - log_density
+        weight = np.exp(log_weight - log_weight.max(axis=0))
+        weight /= weight.sum(axis=0)
+        eta, eta_sd = _mixture(means[0], variances[0], weight, self._offset(0))
+        mass, mass_sd = _mixture(means[1], variances[1], weight, None)
+        density = np.log((weight * np.exp(log_density)).sum(axis=0)) - self._log_derivative()
+        return LeaveOneOut(self.values[0] - eta, self.values[1] - mass, eta_sd, mass_sd, density)
+
+    def believing(self, frequency: ArrayLike, intensity: ArrayLike) -> "Surrogate":
+        """The surrogate as if points (f [Hz], Gamma, shape (point,)) had been computed and found what it expects.
+
+        Expected is the value given the most probable edge: the mean of two regimes is the value of neither. The
+        standard error is 2 % of max(eta, 0.05); hyperparameters, probable edges and inflation are kept.
+
+        Source: kriging believer, Ginsbourger, Le Riche & Carraro (2010), Adaptation, Learning and Optimization 2.
+        """
+        f, gamma = np.atleast_1d(np.asarray(frequency, float)), np.atleast_1d(np.asarray(intensity, float))
+        if f.size == 0:
+            return self
+        mean, _ = self._given_edges(self._places(f, gamma))
+        best = int(np.argmax(self._posterior.weight))
+        eta, mass = mean[0][best], mean[1][best]
+        offset = self._offset(0)
+        eta = eta if offset is None else np.exp(eta) - offset
+        error = DEFAULT_ERROR * np.maximum(eta, SMALLEST_ETA)
+        other = copy.copy(self)
+        other.frequency, other.intensity = np.append(self.frequency, f), np.append(self.intensity, gamma)
+        other.values = np.column_stack([self.values, [eta, mass]])
+        other.errors = np.column_stack([self.errors, [error, error]])
+        other._posterior = other._conditioned(self._posterior.edges)
+        return other
+
+    def _offset(self, k: int) -> float | None:
+        return self.form.offset if k == 0 and np.isfinite(self.form.offset) else None
+
+    def _log_derivative(self) -> Real:
+        """Logarithm of d eta / d(transformed eta): turns a density of the transformed eta into one of eta."""
+        offset = self._offset(0)
+        return np.zeros(self.values.shape[1]) if offset is None else _logged(self.values[0], offset)
+
+    def _transformed(self) -> tuple[Real, Real]:
+        """Values and standard errors in which the processes work; both (quantity, point)."""
+        values, errors = self.values.copy(), self.errors.copy()
+        offset = self._offset(0)
+        if offset is not None:
+            values[0] = _logged(values[0], offset)
+            errors[0] = errors[0] / np.exp(values[0])
+        return values, errors
+
+    def _places(self, frequency: Real, intensity: Real) -> _Places:
+        f, gamma = np.log(frequency / 100.0), np.log(intensity)
+        stretched = gamma + (self.stretch - 1.0) * 0.25 * np.tanh((gamma - 0.1) / 0.25)
+        stroke = np.log(_stroke(frequency, intensity) / self.optimum)
+        return _Places(np.column_stack([f, stretched]), np.column_stack([stroke, f]), gamma)
+
+    def _mean(self, k: int, places: _Places, gate: Real) -> Real:
+        """Mean function, shape of gate (edge, point)."""
+        quantity = self._quantities[k]
+        above: Real | float = quantity.level_above
+        if self.clearance_factor is not None and self._table is not None:
+            theory = np.interp(places.stroke - np.log(self.clearance_factor), self._table[0], self._table[quantity.row])
+            offset = self._offset(k)
+            above = theory if offset is None else np.log(theory + offset)
+        return (1.0 - gate) * quantity.level_below + gate * above
+
+    def _processes(self, k: int) -> tuple[Any, Any]:
+        return _kernels(self._theta[k], self.form.smoothness)
+
+    def _trends(self, k: int, places: _Places) -> tuple[Real, Real]:
+        """Functions with coefficients of unit variance: level and slope below the edge, level above; (trend, point)."""
+        sd = self._quantities[k].level_sd
+        one = np.ones_like(places.intensity)
+        level_above = sd if self.clearance_factor is None else 0.3
+        return sd * np.stack([one, 0.5 * places.intensity]), level_above * one[None]
+
+    def _regime_covariances(self, k: int, first: _Places, second: _Places) -> tuple[Real, Real]:
+        below, above = self._processes(k)
+        trends = zip(self._trends(k, first), self._trends(k, second), strict=True)
+        linear_below, linear_above = (a.T @ b for a, b in trends)
+        return below(first.below, second.below) + linear_below, above(first.above, second.above) + linear_above
+
+    def _systems(self, edges: Real) -> Iterator[tuple[Real, list[tuple[Real, Real]]]]:
+        """For some edges at a time: log priors, and for eta and m' the points' covariances and values less mean."""
+        places = self._places(self.frequency, self.intensity)
+        values, errors = self._transformed()
+        regimes = [self._regime_covariances(k, places, places) for k in (0, 1)]
+        noise = [np.diag(errors[k] ** 2 + np.exp(2.0 * self._theta[k][6])) for k in (0, 1)]
+        for start in range(0, len(edges), _CHUNK):
+            part = edges[start : start + _CHUNK]
+            gate = _gate(part, places)
+            systems = [
+                (_gated(gate, gate, *regimes[k]) + noise[k], values[k] - self._mean(k, places, gate)) for k in (0, 1)
+            ]
+            yield part[:, 4], systems
+
+    def _log_weights(self, edges: Real) -> Real:
+        """Log prior plus log marginal likelihood of each edge, up to a constant; (edge,)."""
+        from scipy.linalg.lapack import dposv
+
+        parts = []
+        for log_weight, systems in self._systems(edges):
+            for covariances, residuals in systems:
+                fits = []
+                for covariance, residual in zip(covariances, residuals, strict=True):
+                    factor, coefficient, failed = dposv(covariance, residual)
+                    assert not failed, "the nugget keeps covariances positive definite"
+                    fits.append(0.5 * (residual @ coefficient) + np.log(np.diagonal(factor)).sum())
+                log_weight = log_weight - np.array(fits)
+            parts.append(log_weight)
+        return np.concatenate(parts)
+
+    def _conditioned(self, edges: Real) -> _Posterior:
+        inverse: tuple[list[Real], list[Real]] = ([], [])
+        coefficient: tuple[list[Real], list[Real]] = ([], [])
+        for _, systems in self._systems(edges):
+            for k, (covariance, residual) in enumerate(systems):
+                inverse[k].append(np.asarray(np.linalg.inv(covariance), np.float64))
+                coefficient[k].append((inverse[k][-1] @ residual[..., None])[..., 0])
+        log_weight = self._log_weights(edges)
+        weight = np.exp(log_weight - log_weight.max())
+        return _Posterior(
+            edges,
+            weight / weight.sum(),
+            (np.concatenate(inverse[0]), np.concatenate(inverse[1])),
+            (np.concatenate(coefficient[0]), np.concatenate(coefficient[1])),
+        )
+
+    def _evidence(self, log_weights: Real) -> float:
+        """Log marginal likelihood over the edges, times the prior density of the hyperparameters."""
+        best = log_weights.max()
+        penalty = 0.0
+        for quantity, theta in zip(self._quantities, self._theta, strict=True):
+            centre, spread = _prior(quantity)
+            penalty += 0.5 * float(np.sum(((theta - centre) / spread) ** 2))
+        return float(best + np.log(np.sum(np.exp(log_weights - best))) - penalty)
+
+    def _choose(self) -> None:
+        """Hyperparameters, stretch of ln Gamma and mean function of the largest marginal likelihood."""
+        edges = self._fitted(rounds=2)
+        evidence = self._evidence(self._log_weights(edges))
+        if self.form.has_stretch:
+            plain = self._theta
+            self.stretch = 3.0
+            self._theta = [self._maximised(k, edges[0]) for k in (0, 1)]
+            if self._evidence(self._log_weights(edges)) <= evidence:
+                self.stretch, self._theta = 1.0, plain
+        if self._table is not None:
+            found: dict[float | None, float] = {}
+            for factor in (None, *CLEARANCE_FACTORS):
+                self.clearance_factor = factor
+                found[factor] = self._evidence(self._log_weights(edges))
+            self.clearance_factor = max(found, key=lambda factor: found[factor])
+        self._theta = [self._maximised(k, edges[0]) for k in (0, 1)]
+
+    def _fitted(self, rounds: int) -> Real:
+        """Fit hyperparameters to the most probable edge and find that edge again; probable edges, the best first."""
+        order = np.argsort(-self._log_weights(self._lattice), kind="stable")
+        for _ in range(rounds):
+            best = order[0]
+            self._theta = [self._maximised(k, self._lattice[best]) for k in (0, 1)]
+            order = np.argsort(-self._log_weights(self._lattice), kind="stable")
+            if order[0] == best:
+                break
+        return self._lattice[order[:_CHUNK]]
+
+    def _refined(self) -> Real:
+        """Probable edges of a finer lattice that spans those of the coarse one."""
+        coarse = _probable(self._lattice, self._log_weights(self._lattice), 1e-3)
+        real = coarse[coarse[:, 0] < _NO_EDGE]
+        if not len(real):
+            return coarse
+        margin = np.array([_EDGE_STEP, 0.1])
+        low, high = real[:, :2].min(axis=0) - margin, real[:, :2].max(axis=0) + margin
+        position, slope = np.linspace(low[0], high[0], 19), np.linspace(low[1], high[1], 7)
+        fine = _edges(position, slope, _CURVATURES, _WIDTHS, self._is_free)
+        edges = np.concatenate([coarse[coarse[:, 0] == _NO_EDGE], fine])
+        return _probable(edges, self._log_weights(edges), _FEWEST_WEIGHT, _MOST_EDGES)
+
+    def _maximised(self, k: int, edge: Real) -> Real:
+        """Hyperparameters of the largest marginal likelihood times prior, given an edge, from where they are.
+
+        The search stops after 60 steps; a search that has not converged by then still returns its best, which the
+        prior keeps sensible, so that is no cause for a warning.
+        """
+        from scipy.optimize import minimize
+
+        places = self._places(self.frequency, self.intensity)
+        gate = _gate(edge[None], places)
+        values, errors = self._transformed()
+        residual = (values[k] - self._mean(k, places, gate))[0]
+        shares = np.outer(1.0 - gate[0], 1.0 - gate[0]), np.outer(gate[0], gate[0])
+        trends = self._trends(k, places)
+        fixed = sum(share * (trend.T @ trend) for share, trend in zip(shares, trends, strict=True))
+        fixed = fixed + np.diag(errors[k] ** 2)
+        centre, spread = _prior(self._quantities[k])
+
+        def cost(theta: Real) -> tuple[float, Real]:
+            nugget = np.exp(2.0 * theta[6])
+            covariance = fixed + nugget * np.eye(len(residual))
+            slopes = []
+            coordinates = places.below, places.above
+            for process, place, share in zip(_kernels(theta, self.form.smoothness), coordinates, shares, strict=True):
+                part, slope = process(place, eval_gradient=True)
+                covariance = covariance + share * part
+                slopes.append((share, slope))
+            inverse = np.linalg.inv(covariance)
+            coefficient = inverse @ residual
+            away = (theta - centre) / spread
+            value = 0.5 * (residual @ coefficient + np.linalg.slogdet(covariance)[1] + away @ away)
+            sensitivity = 0.5 * (inverse - np.outer(coefficient, coefficient))
+            gradient = [np.tensordot(sensitivity * share, slope, axes=2) for share, slope in slopes]
+            return float(value), np.concatenate([*gradient, [2.0 * nugget * np.trace(sensitivity)]]) + away / spread
+
+        bounds = np.column_stack([centre - 4.0 * spread, centre + 4.0 * spread])
+        found = minimize(cost, self._theta[k], jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
+        return np.asarray(found.x)
+
+    def _given_edges(self, places: _Places) -> tuple[tuple[Real, Real], tuple[Real, Real]]:
+        """Means and variances given each probable edge, for eta (transformed) and m'; (edge, place)."""
+        posterior = self._posterior
+        points = self._places(self.frequency, self.intensity)
+        gate_points, gate = _gate(posterior.edges, points), _gate(posterior.edges, places)
+        means, variances = [], []
+        for k in (0, 1):
+            cross = _gated(gate, gate_points, *self._regime_covariances(k, places, points))
+            below, above = self._processes(k)
+            trend_below, trend_above = self._trends(k, places)
+            prior = (1.0 - gate) ** 2 * (below.diag(places.below) + (trend_below**2).sum(axis=0))
+            prior += gate**2 * (above.diag(places.above) + (trend_above**2).sum(axis=0))
+            explained = np.einsum("cmn,cmn->cm", cross @ posterior.inverse[k], cross)
+            means.append(self._mean(k, places, gate) + np.einsum("cmn,cn->cm", cross, posterior.coefficient[k]))
+            variances.append(np.maximum(prior - explained, 1e-12))
+        return (means[0], means[1]), (variances[0], variances[1])
+
+    def _calibrated(self) -> tuple[Real, Real]:
+        """Factors on the predicted variance of eta and m' below, at and above the edge, from leave-one-out residuals.
+
+        Mean square of the standardised residuals of a region (each at most 9), shrunk towards 1 by eight imagined
+        points, between 0.5 and 9; a scaled inverse chi-square estimate.
+        """
+        left = self.leave_one_out()
+        gate = _gate(self._posterior.edges, self._places(self.frequency, self.intensity))
+        region = _regions(self._posterior.weight, gate)
+        factors = []
+        for residual, sd in (
+            (left.loss_factor_residual, left.loss_factor_sd),
+            (left.effective_mass_ratio_residual, left.effective_mass_ratio_sd),
+        ):
+            square = np.minimum((residual / sd) ** 2, 9.0)
+            factors.append(np.clip((8.0 + region @ square) / (8.0 + region.sum(axis=1)), 0.5, 9.0))
+        return factors[0], factors[1]
+
+
+def _usable(points: xr.Dataset) -> tuple[Real, Real, Real, Real]:
+    """Frequency, intensity, values and standard errors (both (quantity, point)) of the points that have a value."""
+    f, gamma = places_of(points)
+    good = ((points["status"].to_numpy() & int(FATAL)) == 0).ravel()
+    names = ("loss_factor", "effective_mass_ratio")
+    values = np.stack([points[name].to_numpy().ravel()[good] for name in names])
+    errors = np.stack([points[f"{name}_se"].to_numpy().ravel()[good] for name in names])
+    presumed = DEFAULT_ERROR * np.maximum(values[0], SMALLEST_ETA)
+    return f.ravel()[good], gamma.ravel()[good], values, np.where(np.isfinite(errors), errors, presumed)
+
+
+def _stroke(frequency: Real, intensity: Real) -> Real:
+    """Displacement amplitude X [m]."""
+    return np.asarray(intensity * STANDARD_GRAVITY / (2 * np.pi * frequency) ** 2)
+
+
+def _logged(eta: Real, offset: float) -> Real:
+    """ln(eta + offset); a loss factor that noise has made negative counts as no less than -0.8 offset."""
+    return np.asarray(np.log(np.maximum(eta + offset, 0.2 * offset)))
+
+
+def _presumed(form: Form) -> tuple[_Quantity, _Quantity]:
+    """Typical eta and m': 0.25 and 0.3 below the edge, 0.7 and 0.6 above; loosely held."""
+    if np.isfinite(form.offset):
+        below, above = np.log(np.array([0.25, 0.7]) + form.offset)
+        return _Quantity(0.4, float(below), float(above), 1.0, 1), _Quantity(0.2, 0.3, 0.6, 0.5, 2)
+    return _Quantity(0.2, 0.25, 0.7, 0.5, 1), _Quantity(0.2, 0.3, 0.6, 0.5, 2)
+
+
+def _prior(quantity: _Quantity) -> tuple[Real, Real]:
+    """Centre and spread of the normal prior of the hyperparameters.
+
+    These are logarithms of: variance and two lengths (in ln f, ln Gamma) below the edge, variance and two lengths (in
+    ln X, ln f) above, standard deviation of the nugget.
+    """
+    variance = 2.0 * np.log(quantity.amplitude)
+    centre = [variance, np.log(1.5), np.log(0.8), variance, np.log(0.8), np.log(2.0), np.log(0.01)]
+    return np.array(centre), np.array([1.5, 0.7, 0.7, 1.5, 0.7, 0.7, 1.0])
+
+
+def _kernels(theta: Real, smoothness: float) -> tuple[Any, Any]:
+    """Covariance functions below and above the edge."""
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+    below = ConstantKernel(np.exp(theta[0])) * Matern(np.exp(theta[1:3]), nu=smoothness)
+    return below, ConstantKernel(np.exp(theta[3])) * Matern(np.exp(theta[4:6]), nu=smoothness)
+
+
+def _lattice(form: Form, free: Real | None) -> Real:
+    """Edges to weigh at first, the first of them none; (edge, 5). `free`: ln X of the points, if X_opt is unknown."""
+    none = np.array([[_NO_EDGE, 0.0, 0.0, 0.1, np.log(_NO_EDGE_PROBABILITY) if form.has_edge else 0.0]])
+    if not form.has_edge:
+        return none
+    low, high = (-_EDGE_LIMIT, _EDGE_LIMIT) if free is None else (float(free.min()), float(free.max()))
+    position = np.linspace(low, high, max(2, round((high - low) / _EDGE_STEP) + 1))
+    return np.concatenate([none, _edges(position, np.array(_SLOPES), (0.0,), _COARSE_WIDTHS, free is not None)])
+
+
+def _edges(
+    position: Real, slope: Real, curvatures: tuple[float, ...], widths: tuple[float, ...], is_free: bool
+) -> Real:
+    """All edges of a lattice with equally spaced positions and slopes, each with its log prior; (edge, 5).
+
+    Positions are normal about X_opt, or uniform if `is_free`; slopes are normal about 0, and curvatures and widths take
+    the given values only, curvatures with normal weights.
+    """
+    axes = np.meshgrid(position, slope, curvatures, widths, indexing="ij")
+    edges = np.column_stack([axis.ravel() for axis in axes])
+    bent = np.exp(-0.5 * (np.array(curvatures) / _CURVATURE_SPREAD) ** 2).sum() * len(widths)
+    log_prior = -0.5 * ((edges[:, 1] / _SLOPE_SPREAD) ** 2 + (edges[:, 2] / _CURVATURE_SPREAD) ** 2)
+    log_prior -= np.log(np.sqrt(2 * np.pi) * _SLOPE_SPREAD * bent)
+    if is_free:
+        log_prior -= np.log(2 * _EDGE_LIMIT)
+    else:
+        log_prior -= 0.5 * (edges[:, 0] / _EDGE_SPREAD) ** 2 + np.log(np.sqrt(2 * np.pi) * _EDGE_SPREAD)
+    cell = (position[1] - position[0]) * (slope[1] - slope[0])
+    return np.column_stack([edges, log_prior + np.log(cell)])
+
+
+def _threshold(edges: Real, frequency: Real) -> Real:
+    """ln(X / X_opt) of each edge, at ln(f / 100 Hz) of shape (..., 1)."""
+    return np.asarray(edges[:, 0] + (edges[:, 1] + edges[:, 2] * frequency) * frequency)
+
+
+def _gate(edges: Real, places: _Places) -> Real:
+    """Share of the regime above the edge; (edge, place)."""
+    distance = (places.stroke[:, None] - _threshold(edges, places.frequency[:, None])) / edges[:, 3]
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(distance.T, -40.0, 40.0))))
+
+
+def _gated(first: Real, second: Real, below: Real, above: Real) -> Real:
+    """Covariance of the gated sum of two independent processes; (edge, first place, second place)."""
+    both_below = (1.0 - first)[:, :, None] * (1.0 - second)[:, None, :]
+    return np.asarray(both_below * below + first[:, :, None] * second[:, None, :] * above)
+
+
+def _regions(weight: Real, gate: Real) -> Real:
+    """How far each place belongs below, at and above the edge; (region, place), sums to 1."""
+    share = weight @ gate
+    return np.asarray(np.stack([(1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2]), np.float64)
+
+
+def _probable(edges: Real, log_weight: Real, least: float, most: int | None = None) -> Real:
+    """Edges with at least this weight over that of the best, in descending order."""
+    order = np.argsort(-log_weight, kind="stable")[:most]
+    return np.asarray(edges[order[log_weight[order] > log_weight[order[0]] + np.log(least)]])
+
+
+def _mixture(mean: Real, variance: Real, weight: Real, offset: float | None) -> tuple[Real, Real]:
+    """Mean and standard deviation of a mixture of normal, or with an offset shifted lognormal, variables; (place,).
+
+    Variances of the logarithm count as 1 at most: far from all points the mean of a lognormal means nothing.
+    """
+    if offset is not None:
+        variance = np.minimum(variance, _LARGEST_LOG_VARIANCE)
+        mean = np.exp(mean + variance / 2.0)
+        variance = mean**2 * np.expm1(variance)
+        mean = mean - offset
+    middle = (weight * mean).sum(axis=0)
+    return middle, np.sqrt((weight * (variance + (mean - middle) ** 2)).sum(axis=0))
+
+
+@lru_cache(maxsize=8)
+def _theory_table(restitution: float) -> Real:
+    """ln(X / X_opt), eta and m' of collect and collide; (3, 600). Below the best stroke its values hold.
+
+    Above the range of the symmetric motion the plastic bed stands in, as theory.collect_and_collide says.
+    """
+    strokes = np.geomspace(stroke_ratio_best(restitution), 300.0, 600)
+    last = stroke_ratio_max(restitution)
+    points = [collect_and_collide(float(r), restitution if r <= last else 0.0) for r in strokes]
+    values = [[point.loss_factor, point.effective_mass_ratio] for point in points]
+    return np.asarray(np.vstack([np.log(strokes), np.array(values).T]))
