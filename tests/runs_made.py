@@ -1,4 +1,7 @@
-"""A simulated run without a simulation: a bed of known loss factor and effective mass, with snapshots to draw."""
+"""A simulated run without a simulation: a bed of known loss factor and effective mass, with snapshots to draw, or one
+whose every particle moves as told."""
+
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -6,7 +9,9 @@ from graindamp.dem.container import enclosure_of
 from graindamp.dem.energy import Energies
 from graindamp.dem.interactions import interactions_of
 from graindamp.dem.packing_store import Packing
+from graindamp.dem.plan import Plan
 from graindamp.dem.run import Run, Snapshot, VelocityField
+from graindamp.dem.stirring import Stirred
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.units import STANDARD_GRAVITY
@@ -143,3 +148,62 @@ def _snapshot(k, position, frequency, speed):
     displacement = np.array([speed / (2.0 * np.pi * frequency) * np.sin(phase), 0.0, 0.0])
     container = np.array([speed * np.cos(phase), 0.0, 0.0])
     return Snapshot(k / (8.0 * frequency), phase, moved, velocity, np.zeros_like(position), displacement, container)
+
+
+def stirred_run(bed, push=lambda turn: (0.0, 0.0), n_particle=90, n_cycle=6, spec=None, lead=0.0):
+    """A run whose particles move as told; its clearance is pi X, so that X = X_opt.
+
+    Args:
+        bed: gives, for a turn of the cycle (0 to 1, the container fastest at 0), velocities over V in the container's
+            frame, (particle, 3) or what broadcasts to it, and the place along the motion over X, (particle,) likewise.
+        push: gives the force on either end over m_bed A at a turn of the cycle.
+        spec: description.
+        lead: part of a cycle by which the container is ahead when the run begins [-].
+    """
+    run = made_run(n_particle=n_particle, n_cycle=n_cycle, n_snapshot=0, spec=spec)
+    omega, mass = 2.0 * np.pi * run.frequency, run.mass.sum()
+    speed = float(np.abs(run.cycle_velocity).mean())
+    stroke, per_cycle, blocks = speed / omega, 400, 40
+    samples = per_cycle // 20 * np.arange(1, 20 * n_cycle + 1)
+    plan = Plan(1.0 / run.frequency / per_cycle, 0, n_cycle * per_cycle, per_cycle // blocks, n_cycle, per_cycle,
+                frozenset(samples.tolist()), frozenset(), frozenset())  # fmt: skip
+    worlds = _world(run, np.zeros((n_particle, 3)), run.packing.position, 0.0)
+    stirred = Stirred(run.spec.damper, run.enclosure, plan, worlds, speed, omega)
+    for step in samples:
+        # a sample at the end of a cycle belongs to the cycle it ends
+        turn = ((step / per_cycle + lead) * (1.0 - 1e-12)) % 1.0
+        velocity, place = bed(turn)
+        position = run.packing.position + stroke * np.outer(np.broadcast_to(place, n_particle), [1.0, 0.0, 0.0])
+        velocity = speed * np.broadcast_to(velocity, (n_particle, 3))
+        stirred.sample(_world(run, velocity, position, speed * np.cos(2.0 * np.pi * turn)), int(step))
+    turns = ((np.arange(n_cycle * blocks) + 0.5) / blocks + lead) % 1.0
+    series = np.zeros((1, len(turns), len(run.names) + 1, 3))
+    names = {"start": 0, "end": 1}
+    for name, end in names.items():
+        series[0, :, run.names.index(name), 0] = [
+            (2 * end - 1) * push(turn)[end] * mass * omega * speed for turn in turns
+        ]
+    series[0, :, -1, 0] = speed * np.cos(2.0 * np.pi * turns)
+    stirring = stirred.result(SimpleNamespace(series=series))
+    return run._replace(stirring=stirring, packing=run.packing._replace(clearance=np.pi * stroke))
+
+
+def _world(run, velocity, position, container):
+    """As much of a world as `Stirred` looks at, with particles and container moving at the speeds given."""
+    n = len(run.mass)
+    particles = SimpleNamespace(
+        n_particle=np.array([n]),
+        inverse_mass=np.column_stack([1.0 / run.mass, np.ones(n)])[None],
+        position=np.column_stack([position, run.radius])[None],
+        velocity=np.column_stack([velocity, np.zeros(n)])[None],
+        spin=np.zeros((1, n, 4)),
+        force=np.zeros((1, n, 4)),
+        torque=np.zeros((1, n, 4)),
+    )
+    motion = SimpleNamespace(
+        timing=np.array([[0.0, 0.0, *run.direction, 0.0, 0.0, 0.0]]),
+        velocity=container * run.direction[None],
+        acceleration=np.zeros((1, 3)),
+    )
+    rules = SimpleNamespace(gravity=np.array([[0.0, 0.0, -STANDARD_GRAVITY]]), time_step=np.zeros(1))
+    return SimpleNamespace(particles=particles, motion=motion, rules=rules)

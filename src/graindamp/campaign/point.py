@@ -25,6 +25,9 @@ versions are then computed anew, never mixed."""
 LOSSES = ("loss_normal", "loss_friction", "loss_normal_wall", "loss_friction_wall", "loss_lid", "loss_rolling")
 """Mechanisms that a run tells apart, in the order of `PointResult.losses`."""
 
+NO_CRITERIA: Real = np.full(15, np.nan)
+"""Criteria of a point whose motion is unknown."""
+
 
 class PointTask(NamedTuple):
     """Everything that determines the result of one operating point, and where its files are."""
@@ -174,6 +177,10 @@ class PointResult(NamedTuple):
     """Velocities at the end over the container's speed amplitude [-]; (particle, 3)."""
     end_spin: Real
     """Angular velocities times radius over the same [-]; (particle, 3)."""
+    motion_mode: int = -1
+    """A :class:`graindamp.signals.motion_modes.MotionMode`, -1 where unknown."""
+    criteria: Real = NO_CRITERIA
+    """What it was judged by, in the order of :class:`graindamp.signals.motion_modes.Criteria` [-]; (15,)."""
 
     @property
     def particle_steps(self) -> float:
@@ -210,6 +217,7 @@ def measure(
     from graindamp.dem.packing import pack
     from graindamp.dem.run import BedState
     from graindamp.dem.simulate import simulate
+    from graindamp.signals.motion_modes import classify
     from graindamp.signals.simulated import ratios_of
     from graindamp.signals.stopping import Stopping, estimate
 
@@ -264,6 +272,7 @@ def measure(
         status |= int(Status.NOT_STEADY)
     if not rule.met(found):
         status |= int(Status.NOT_CONVERGED)
+    verdict = classify(run, found.n_skipped)
     return PointResult(
         loss_factor=found.loss_factor,
         loss_factor_se=found.loss_factor_se,
@@ -273,6 +282,8 @@ def measure(
         n_skipped=found.n_skipped,
         status=status,
         losses=_losses(run, found.n_skipped),
+        motion_mode=int(verdict.mode),
+        criteria=np.array(verdict.criteria),
         **common,
     )
 

@@ -14,6 +14,7 @@ from graindamp.dem.packing_store import Packing
 from graindamp.dem.plan import Plan
 from graindamp.dem.run import BedState, Run, Snapshot, VelocityField
 from graindamp.dem.state import Worlds
+from graindamp.dem.stirring import Stirred
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.status import Status
 
@@ -59,13 +60,18 @@ class Notes:
         self.mass = 1.0 / worlds.particles.inverse_mass[0, :, 0]
         self.cells: dict[tuple[int, int, int], list[Real]] = {}
         self.n_field = 0
+        speed, omega = speed_amplitude(worlds), float(worlds.motion.timing[0, FUNDAMENTAL])
+        is_cyclic = plan.per_cycle > 0 and speed > 0.0
+        self.stirred = Stirred(spec.damper, enclosure, plan, worlds, speed, omega) if is_cyclic else None
 
     def since(self, worlds: Worlds) -> float:
         """Time since the motion began [s]."""
         return float(worlds.clock.time[0]) - self.begin
 
     def energy(self, worlds: Worlds) -> None:
-        """Write down energies and centre of mass."""
+        """Write down energies, centre of mass, and how the bed moves."""
+        if self.stirred is not None:
+            self.stirred.sample(worlds, round(self.since(worlds) / self.plan.time_step))
         self.times.append(self.since(worlds))
         self.energies.append(energies(worlds))
         self.centres.append(self.mass @ worlds.particles.position[0, :, :3] / self.mass.sum())
@@ -201,5 +207,6 @@ class Notes:
             seconds=seconds,
             steps_per_contact=steps,
             status=status,
+            stirring=None if self.stirred is None else self.stirred.result(record),
             end=self.end(worlds) if plan.per_cycle and not n_step % plan.per_cycle else None,
         )

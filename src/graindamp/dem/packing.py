@@ -7,7 +7,6 @@ under the described stiffness.
 import math
 import time
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from graindamp.dem.container import Enclosure, enclosure_of
 from graindamp.dem.engine import run
 from graindamp.dem.interactions import Interactions, interactions_of
 from graindamp.dem.motion import DIRECTION, START, MotionKind
-from graindamp.dem.packing_store import Packing, default_folder, load, packing_key, save
+from graindamp.dem.packing_store import Packing, Progress, default_folder, load, packing_key, save
 from graindamp.dem.settle import (
     SOFT_OVERLAP,
     Grains,
@@ -32,6 +31,7 @@ from graindamp.dem.settle import (
     resting_overlap,
     run_to_rest,
     slippery,
+    slow_speed,
     softened,
     softening,
     sound,
@@ -47,7 +47,6 @@ from graindamp.spec.simulation import DamperSpec, TapSpec
 from graindamp.units import STANDARD_GRAVITY
 
 Real = NDArray[np.float64]
-Progress = Callable[[str, float, float | None], None]
 
 PHYSICS = 1
 """Version of how beds are packed; a higher one makes stored packings worthless."""
@@ -322,15 +321,10 @@ def _soft(site: _Site, grains: Grains, speed: float, intensity: float = 0.0) -> 
     return softened(site.scene.interactions, softening(site.scene.interactions, grains.bed.radius, speed, pressure))
 
 
-def _slow(grains: Grains) -> float:
-    """Speed of a fall over two radii [m/s], which a bed that comes to rest stays below."""
-    return math.sqrt(4.0 * STANDARD_GRAVITY * float(grains.bed.radius.max()))
-
-
 def _rest(site: _Site, grains: Grains, tell: _Teller) -> Grains:
     """Particles at rest under gravity, after a time at most; what still moves then is stopped."""
     tell.begin("settle")
-    soft = _soft(site, grains, _slow(grains))
+    soft = _soft(site, grains, slow_speed(grains))
     worlds = site.scene._replace(interactions=soft).worlds(grains, time_step(soft, grains.bed.radius, SOFT_OVERLAP))
     return grains_of(run_to_rest(worlds, grains, 5e-3, 0.5, tell), grains)
 
@@ -366,7 +360,7 @@ def _grow(site: _Site, grains: Grains, rng: np.random.Generator, tell: _Teller) 
     tell.begin("grow")
     n_stage = math.ceil(math.log(1.0 / size) / math.log(1.0 + GROWTH))
     interactions = site.scene.interactions
-    smooth = slippery(softened(interactions, softening(interactions, full, _slow(grains), 0.0)))
+    smooth = slippery(softened(interactions, softening(interactions, full, slow_speed(grains), 0.0)))
     scene = site.scene._replace(interactions=smooth, gravity=(0.0, 0.0, 0.0))
     for stage in range(1, n_stage + 1):
         radius = full * size ** (1.0 - stage / n_stage)
@@ -404,7 +398,7 @@ def _tap(site: _Site, grains: Grains, tap: TapSpec, tell: _Teller) -> tuple[Grai
     reference = lid.clearance if isinstance(lid, RigidLid) else 2.0 * float(grains.bed.radius.mean())
     omega = 2.0 * math.pi * tap.frequency
     amplitude = tap.intensity * STANDARD_GRAVITY / omega**2
-    soft = _soft(site, grains, max(2.0 * amplitude * omega, _slow(grains)), tap.intensity)
+    soft = _soft(site, grains, max(2.0 * amplitude * omega, slow_speed(grains)), tap.intensity)
     n_cycle_step = math.ceil(1.0 / tap.frequency / time_step(soft, grains.bed.radius, SOFT_OVERLAP))
     motion = _shaking(omega, amplitude * site.cavity.up)
     worlds = site.scene._replace(interactions=soft).worlds(grains, 1.0 / tap.frequency / n_cycle_step, motion)
@@ -444,7 +438,7 @@ def _shaking(omega: float, amplitude: Real) -> Motion:
 def _stiffen(site: _Site, grains: Grains, tell: _Teller) -> Grains:
     """Particles at rest under the described stiffness."""
     pressure = pressure_of(grains, site.area)
-    divisor = softening(site.scene.interactions, grains.bed.radius, _slow(grains), pressure)
+    divisor = softening(site.scene.interactions, grains.bed.radius, slow_speed(grains), pressure)
     allowed = resting_overlap(site.scene.interactions, grains.bed.radius, pressure)
     return stiffened(site.scene, grains, site.cavity, divisor, allowed, tell)
 
@@ -518,7 +512,7 @@ def _close(site: _Site, grains: Grains, lid: float | None, folder: Path | None, 
 def _press(site: _Site, grains: Grains, closed: Enclosure, start: float, level: float, tell: _Teller) -> Grains:
     """Particles under a lid that comes down from `start` to `level` [m]; friction is off while they give way."""
     pressure = pressure_of(grains, site.area)
-    divisor = softening(site.scene.interactions, grains.bed.radius, _slow(grains), pressure)
+    divisor = softening(site.scene.interactions, grains.bed.radius, slow_speed(grains), pressure)
     soft = slippery(softened(site.scene.interactions, divisor))
     n_stage = math.ceil((start - level) / (PRESS_STEP * float(grains.bed.radius.min())))
     for stage in range(1, n_stage + 1):

@@ -6,6 +6,7 @@ import math
 import os
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,8 @@ from graindamp.spec.container import MeshContainer
 from graindamp.spec.simulation import DamperSpec
 
 Real = NDArray[np.float64]
+Progress = Callable[[str, float, float | None], None]
+"""Told the stage, the fraction of it done and the seconds it has left, None where they are not known."""
 
 FOAM_AFTERWARDS = ("coefficients", "pressure", "loss_factor")
 """What a foam lid does only after the bed is packed."""

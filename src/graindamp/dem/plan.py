@@ -75,7 +75,7 @@ def plan_of(spec: SimulationSpec, motion: Motion, time_step: float) -> Plan:
         n_cycle, per_cycle = 1, 0
         energy = _at(np.arange(1, CHUNKS + 1) / CHUNKS, n_step, n_step)
         snapshot = field = frozenset()
-    n_settle = math.ceil(spec.run.settle / time_step)
+    n_settle = math.ceil((spec.run.settle or 0.0) / time_step)
     return Plan(time_step, n_settle, n_step, stride, n_cycle, per_cycle, energy, snapshot, field)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from graindamp.dem.container import Enclosure
 from graindamp.dem.energy import Energies
 from graindamp.dem.packing_store import Packing
+from graindamp.dem.stirring import Stirring
 from graindamp.spec.simulation import SimulationSpec
 
 Real = NDArray[np.float64]
@@ -121,6 +122,9 @@ class Run(NamedTuple):
     """Status bits, see :class:`graindamp.status.Status`."""
     end: BedState | None = None
     """The bed at the end of a run of whole cycles; None for motions without cycles."""
+    stirring: Stirring | None = None
+    """Motion of the bed relative to the container, cycle by cycle; None for motions without cycles, and for runs
+    shorter than one."""
 
     @property
     def bed_mass(self) -> float:

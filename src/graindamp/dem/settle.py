@@ -89,6 +89,11 @@ def pressure_of(grains: Grains, area: float) -> float:
     return STANDARD_GRAVITY * float(grains.mass.sum()) / area
 
 
+def slow_speed(grains: Grains) -> float:
+    """Speed of a fall over two radii [m/s], which a bed that comes to rest stays below."""
+    return math.sqrt(4.0 * STANDARD_GRAVITY * float(grains.bed.radius.max()))
+
+
 def _radii(radius: Real) -> tuple[float, float]:
     return float(radius.min()), float(radius.max())
 

@@ -14,12 +14,13 @@ from graindamp.dem.excitation import motion_of
 from graindamp.dem.interactions import interactions_of
 from graindamp.dem.motion import START, move
 from graindamp.dem.notes import Cycles, Notes, speed_amplitude
-from graindamp.dem.packing import Progress, pack
-from graindamp.dem.packing_store import Packing
+from graindamp.dem.packing import PHYSICS, pack
+from graindamp.dem.packing_store import Packing, Progress
 from graindamp.dem.plan import Plan, plan_of
 from graindamp.dem.run import BedState, Run
 from graindamp.dem.state import Motion, Worlds, empty_record
 from graindamp.dem.timestep import expected_speed, shortest_contact
+from graindamp.dem.turned import turned
 from graindamp.dem.world import Bed, world_of
 from graindamp.errors import InputError
 from graindamp.spec.simulation import SimulationSpec
@@ -65,6 +66,8 @@ def simulate(
     damper = spec.damper
     if packing is None:
         packing = pack(damper, folder=folder, cache=cache, progress=progress)
+    if start is None and spec.run.settle is None:
+        packing = turned(damper, packing, physics=PHYSICS, folder=folder, cache=cache, progress=progress)
     if start is not None and len(start.position) != len(packing.radius):
         raise InputError(
             f"start holds {len(start.position)} particles, the bed {len(packing.radius)}; start from a run of this bed"

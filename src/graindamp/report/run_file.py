@@ -30,7 +30,7 @@ RUN_FORMAT, PACKING_FORMAT = "graindamp-run-1", "graindamp-packing-1"
 """What a file of each kind says it is."""
 
 _COMPLEX = ("cycle_force", "cycle_velocity")
-_OWN_GROUP = ("spec", "packing", "enclosure", "energy", "snapshots", "velocity_field", "names", "end")
+_OWN_GROUP = ("spec", "packing", "enclosure", "energy", "snapshots", "velocity_field", "names", "end", "stirring")
 """Fields of a run that are no plain array or number."""
 
 
@@ -62,6 +62,8 @@ def save_run(run: "Run", path: Path) -> Path:
                 _put(file.create_group("velocity_field"), run.velocity_field)
             if run.end is not None:
                 _put(file.create_group("end"), run.end)
+            if run.stirring is not None:
+                _put(file.create_group("stirring"), run.stirring)
 
     return _written(path, fill)
 
@@ -75,6 +77,7 @@ def load_run(path: Path) -> "Run":
     from graindamp.dem.energy import Energies
     from graindamp.dem.packing_store import Packing
     from graindamp.dem.run import BedState, Run, Snapshot, VelocityField
+    from graindamp.dem.stirring import Stirring
 
     if not path.exists():
         raise InputError(f"{path}: there is no such file; give a run.h5 that 'graindamp simulate' has written")
@@ -82,7 +85,7 @@ def load_run(path: Path) -> "Run":
         with h5py.File(path, "r") as file:
             _check_format(path, str(file.attrs.get("format", "")), RUN_FORMAT, "run file of 'graindamp simulate'")
             values = _got(file, Run, without=_OWN_GROUP)
-            field, end = file.get("velocity_field"), file.get("end")
+            field, end, stirring = file.get("velocity_field"), file.get("end"), file.get("stirring")
             values |= {
                 "spec": _spec(str(file.attrs["spec"]), path),
                 "names": tuple(json.loads(file.attrs["names"])),
@@ -92,6 +95,7 @@ def load_run(path: Path) -> "Run":
                 "snapshots": _got_rows(file["snapshots"], Snapshot),
                 "velocity_field": None if field is None else VelocityField(**_got(field, VelocityField)),
                 "end": None if end is None else BedState(**_got(end, BedState)),
+                "stirring": None if stirring is None else Stirring(**_got(stirring, Stirring)),
             }
             return Run(**values)
     except InputError:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import graindamp
 from graindamp.errors import InputError
-from graindamp.report import motion_picture, simulation_figures
+from graindamp.report import mode_figures, motion_picture, simulation_figures
 from graindamp.report.document import plain, status_names
 from graindamp.report.figures import save
 from graindamp.report.ledger import Ledger, ledger_of, ledger_table
@@ -19,6 +19,7 @@ from graindamp.report.run_file import save_run
 from graindamp.report.signal_files import write_signals, write_uff
 from graindamp.report.tables import Table, points_table
 from graindamp.report.wording import plain as digits
+from graindamp.signals.motion_modes import NAMES, ModeVerdict, classify
 from graindamp.signals.power import OperatingPoint
 from graindamp.signals.simulated import (
     bed_mass_of,
@@ -37,7 +38,17 @@ if TYPE_CHECKING:
     from graindamp.dem.run import Run
 
 DOCUMENT, RUN, SIGNALS, UNIVERSAL, PAGE = "result.json", "run.h5", "signals.h5", "signals.uff", "report.html"
-PICTURES = ("bed", "snapshot", "signals", "cycles", "energy", "velocity-field", "impacts")
+PICTURES = (
+    "bed",
+    "snapshot",
+    "signals",
+    "cycles",
+    "stirring",
+    "energy",
+    "energy-path",
+    "velocity-field",
+    "impacts",
+)
 """Names of the figures, each a PNG."""
 _OURS = "graindamp_version"
 
@@ -53,6 +64,11 @@ class Simulated(NamedTuple):
     """Bits of the engine and of the signals."""
     warnings: tuple[str, ...]
     """What to know before the numbers are used, a line each."""
+
+    @property
+    def verdict(self) -> ModeVerdict:
+        """Motion mode and why, over the cycles that the values are means of."""
+        return classify(self.run, self.point.n_skipped)
 
 
 class Files(NamedTuple):
@@ -203,7 +219,12 @@ def draw_all(
     moving = [picture("signals", simulation_figures.signals(run, point))] if len(run.time) > 1 else []
     if len(run.cycle_force):
         moving.append(picture("cycles", simulation_figures.cycles(run, point)))
+    modes = []
+    if run.stirring is not None:
+        modes.append(picture("stirring", simulation_figures.stirring(run, result.verdict)))
     spent = [picture("energy", simulation_figures.energy(run))] if len(run.energy) > 1 else []
+    if result.ledger is not None and result.ledger.throughput > 0.0:
+        spent.append(picture("energy-path", mode_figures.energy_path(run, point.n_skipped)))
     inside = [picture("impacts", simulation_figures.impacts(run))] if np.any(run.impact_counts) else []
     if run.velocity_field is not None:
         inside.insert(0, picture("velocity-field", motion_picture.velocity_figure(run)))
@@ -211,6 +232,7 @@ def draw_all(
     points = (points_table([point]),) if point.n_cycle else ()
     sections = [
         Section("Result", "", points, tuple(moving)),
+        *([Section("Motion mode", "", (mode_table(result.verdict),), tuple(modes))] if modes else []),
         Section("Energy", "", ledger, tuple(spent)),
         Section("Bed", "", (packing_table(run.spec, run.packing, bed_mass_of(run)),), tuple(bed)),
         Section("Inside the bed", "", (engine_table(run),), tuple(inside)),
@@ -223,7 +245,9 @@ _CAPTIONS = {
     "snapshot": "The last snapshot, drawn to scale.",
     "signals": "Force that drives the bed, without the container's own mass, and velocity of the container.",
     "cycles": "Loss factor and effective mass ratio of each cycle.",
+    "stirring": "How the bed moves in its container, and the thresholds between motion modes.",
     "energy": "Work of the container on the bed and where it went.",
+    "energy-path": "Work of the container per cycle and the mechanisms that dissipate it.",
     "velocity-field": "Mean velocity of the particles in the middle plane.",
     "impacts": "Approach speeds of all impacts.",
 }
@@ -232,6 +256,26 @@ _CAPTIONS = {
 def result_table(result: Simulated) -> Table:
     """The operating point and what the run was like, a row each."""
     return points_table([result.point])
+
+
+def mode_table(verdict: ModeVerdict) -> Table:
+    """The motion mode and the numbers it was judged by."""
+    c = verdict.criteria
+    rows = [
+        ("motion mode", NAMES[verdict.mode] + (" (close to another)" if verdict.is_close else "")),
+        ("kinetic energy relative to the container, over m V²/2", digits(c.relative_energy, 3)),
+        ("kinetic energy in the frame at rest, over m V²/2", digits(c.absolute_energy, 3)),
+        ("share of the relative energy in motion as a block", digits(c.cohesion, 3)),
+        ("share of moving particles", digits(c.moving, 3)),
+        ("speed of the lowest third / V", digits(c.lowest_speed, 3)),
+        ("speed of the highest third / V", digits(c.highest_speed, 3)),
+        ("travel of the bed / clearance", digits(c.travel, 3)),
+        ("contact with an end wall, share of the cycle", digits(c.contact, 3)),
+        ("impacts on both ends per cycle", digits(c.impacts, 3)),
+        ("indentation of coated ends / X", digits(c.indentation, 3)),
+    ]
+    note = "Means over the cycles after the transient. What they mean: docs/motion-modes.md."
+    return Table("Motion mode", ("", "value"), tuple(rows), note)
 
 
 def packing_table(spec: SimulationSpec, packing: "Packing", mass: float) -> Table:
@@ -301,7 +345,7 @@ def packing_document(spec: SimulationSpec, packing: "Packing", mass: float) -> d
 def simulation_document(result: Simulated) -> dict[str, Any]:
     """A run as a plain document: SI units, NaN as null."""
     run, point, ledger = result.run, result.point, result.ledger
-    cycles = cycle_values(run)
+    cycles, verdict = cycle_values(run), result.verdict
     energies = None
     if ledger is not None:
         n = ledger.n_cycle or 1.0
@@ -340,6 +384,9 @@ def simulation_document(result: Simulated) -> dict[str, Any]:
             "power": point.power,
             "n_cycle": point.n_cycle,
             "n_skipped": point.n_skipped,
+            "motion_mode": NAMES[verdict.mode],
+            "motion_mode_close": verdict.is_close,
+            "motion_criteria": verdict.criteria._asdict(),
             "cycle_eta": cycles.loss_factor,
             "cycle_m_prime": cycles.effective_mass_ratio,
             "status": int(result.status),

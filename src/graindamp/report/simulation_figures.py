@@ -10,6 +10,7 @@ from graindamp.report.figures import COLORS
 from graindamp.report.ledger import LOSSES, closure_series
 from graindamp.report.motion_picture import headline
 from graindamp.report.wording import with_error
+from graindamp.signals.motion_modes import ABSOLUTE, CROSSING, NAMES, SOLID, ModeVerdict
 from graindamp.signals.power import OperatingPoint
 from graindamp.signals.simulated import cycle_values, record_of
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 CYCLES_SHOWN = 4
 """Cycles at the end of a run that the force and motion are shown over."""
+
+_PLATE = {"facecolor": "white", "alpha": 0.7, "lw": 0, "pad": 0.5}
+"""Behind text that stands over lines."""
 
 
 def signals(run: "Run", point: OperatingPoint) -> Figure:
@@ -140,4 +144,43 @@ def impacts(run: "Run") -> Figure:
     axes.grid(True, alpha=0.25, which="both")
     axes.legend(fontsize=8)
     axes.set_title(f"{headline(run.spec, run.packing.clearance)}: impact speeds", fontsize=10)
+    return figure
+
+
+def stirring(run: "Run", verdict: ModeVerdict) -> Figure:
+    """How the bed moves in its container, cycle by cycle, with the thresholds that modes are told apart by."""
+    told = run.stirring
+    if told is None:
+        raise ValueError("the run recorded no whole cycle")
+    number = 1 + np.arange(len(told.kinetic))
+    figure = Figure(figsize=(9.0, 5.4), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for values, color, label in (
+        (told.kinetic, COLORS[0], "relative to the container"),
+        (told.block, COLORS[2], "of that, motion as a block"),
+        (told.absolute, COLORS[1], "in the frame at rest"),
+    ):
+        upper.plot(number, values, ".-", color=color, lw=1.0, ms=4, label=label)
+    for level, text in ((ABSOLUTE, "decoupled below (frame at rest)"), (SOLID, "solid-like below (relative)")):
+        upper.axhline(level, color="black", lw=0.8, ls=":")
+        upper.annotate(text, (number[-1], level), ha="right", va="bottom", fontsize=7, bbox=_PLATE)
+    upper.set(ylabel="kinetic energy\nover m$_{bed}$V²/2 [-]", yscale="log")
+    for k, name in enumerate(("lowest", "middle", "highest")):
+        if np.isfinite(told.layer_speed[:, k]).any():
+            label = f"speed of the {name} third / V"
+            lower.plot(number, told.layer_speed[:, k], ".-", color=COLORS[k], lw=1.0, ms=4, label=label)
+    if run.packing.clearance:
+        lower.plot(number, told.travel / run.packing.clearance, "-", color="black", lw=1.3, label="travel / clearance")
+        lower.axhline(CROSSING, color="black", lw=0.8, ls=":")
+        lower.annotate(
+            "crosses above (travel)", (number[-1], CROSSING), ha="right", va="bottom", fontsize=7, bbox=_PLATE
+        )
+    lower.set(xlabel="cycle [-]", ylabel="speeds and travel [-]")
+    lower.set_ylim(0.0, None)
+    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    for axes in (upper, lower):
+        axes.grid(True, alpha=0.25)
+        axes.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
+    close = ", close to another" if verdict.is_close else ""
+    figure.suptitle(f"{headline(run.spec, run.packing.clearance)}\n{NAMES[verdict.mode]}{close}", fontsize=10)
     return figure

@@ -323,9 +323,9 @@ class RunSpec(Spec):
     """Cycles of a periodic motion, > 0; default 25. Give it or duration."""
     duration: Duration | None = None
     """Time that the container moves [s], > 0; default: cycles, or the motion's own duration."""
-    settle: DurationOrZero = 0.02
-    """Time at rest under gravity before the motion starts [s], >= 0; the default lets particles fall about a diameter
-    of 2 mm."""
+    settle: DurationOrZero | None = None
+    """Time at rest under gravity before the motion starts [s], >= 0; default: until a bed that was turned after it was
+    packed has come to rest, once for all runs of the damper."""
     integrator: Literal["verlet", "gear"] = "verlet"
     """Time integration: "verlet" (leapfrog, second order, fixed step) or "gear" (predictor-corrector, fifth order,
     variable step, for comparison with Meyer & Seifried 2023; slower)."""
