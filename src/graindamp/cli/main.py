@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 import graindamp
+from graindamp.cli.field import register_field
 from graindamp.cli.options import AsJson, print_json, progress_of, read_option, warn
 from graindamp.cli.rules import rules
 from graindamp.cli.simulate import register
@@ -244,6 +245,7 @@ def show(
 
 
 register(app)
+register_field(app)
 
 if __name__ == "__main__":
     main()

@@ -43,6 +43,11 @@ TABLE: dict[str, Variable] = {
     "status": Variable("1", "status bits, 0 is good", True, "int"),
     "measured_intensity": Variable("1", "intensity actually reached at each point", False),
     "effective_mass_modulus_ratio": Variable("1", "modulus of M_eff - m_container over bed mass", False),
+    "loss_factor_other": Variable("1", "loss factor of a bistable point's second answer, NaN elsewhere", False),
+    "effective_mass_ratio_other": Variable("1", "effective mass ratio of the second answer, NaN elsewhere", False),
+    "solid_fraction": Variable("1", "solid fraction of the packed bed", False),
+    "motion_mode": Variable("1", "motion mode, -1 where it is unknown", False, "int"),
+    "particle_steps": Variable("1", "particles times time steps that the point cost", False),
 }
 COORDINATES = ("frequency", "intensity")
 

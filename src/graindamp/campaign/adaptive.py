@@ -1,0 +1,138 @@
+"""Adaptive plans: which points come next, chosen so that neither a kill nor the number of workers changes them.
+
+Points are chosen in batches of fixed size. Batch k is chosen from the results of all batches before k - 1, with those
+of batch k - 1 counted as under way, whatever has come back by then. So two batches are under way at any time, workers
+are busy while the next one is awaited, and the same points are chosen however long each takes. If nothing more is
+wanted, the last batch is awaited and the question asked again, with all results. Every choice is written to the store
+before its points are run; a campaign that goes on reads them from there.
+"""
+
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+from graindamp.campaign.descriptions import StoredField, save_field
+from graindamp.campaign.point import PointResult, PointTask, task_of
+from graindamp.campaign.runner import Runner
+from graindamp.spec.container import RigidLid
+from graindamp.spec.field import AdaptivePlan, FieldSpec
+
+Place = tuple[float, float]
+"""Frequency [Hz] and intensity Gamma [-]."""
+
+
+class AdaptiveSource(Protocol):
+    """Chooses points."""
+
+    def first(self) -> Sequence[Place]:
+        """Points to begin with."""
+
+    def next(
+        self, results: Sequence[tuple[Place, Sequence[PointResult]]], running: Sequence[Place], n_point: int
+    ) -> Sequence[Place]:
+        """Points to run next, at most `n_point`; none when the field is good enough.
+
+        Args:
+            results: of every bed at the points that are done and usable.
+            running: points under way.
+            n_point: number of points wanted.
+        """
+
+
+def run_adaptive(field: StoredField, runner: Runner, source: AdaptiveSource | None = None) -> StoredField:
+    """Run an adaptive plan to its end; the description with all points chosen.
+
+    It ends when the accuracy is predicted everywhere, or at the limits of points or time. A limit of time makes the
+    number of points depend on the computer.
+
+    Args:
+        field: what was asked for, with the points chosen by an earlier campaign.
+        runner: runs the points.
+        source: chooses the points; None: :mod:`graindamp.field.adaptive`.
+    """
+    spec, plan = field.spec, field.spec.plan
+    assert isinstance(plan, AdaptivePlan)
+    source = SurrogateSource(spec) if source is None else source
+    begun = time.monotonic()
+    runner.stage = "adaptive"
+    if not field.chosen:
+        field = _extended(field, runner, source.first())
+    for batch in field.chosen:
+        runner.begin(tasks_at(field, batch))
+    is_settled = False
+    while True:
+        known: tuple[tuple[Place, ...], ...] = field.chosen
+        busy: tuple[Place, ...] = ()
+        if len(field.chosen) > 1 and not is_settled:
+            known, busy = field.chosen[:-1], field.chosen[-1]
+        points = [place for batch in known for place in batch]
+        runner.finish([task.key for task in tasks_at(field, points)])
+        room = plan.max_points - len(points) - len(busy)
+        late = plan.max_seconds is not None and time.monotonic() - begun > plan.max_seconds
+        results = [(place, found) for place in points if (found := _results(field, runner, place))]
+        new = [] if room <= 0 or late or not results else source.next(results, busy, min(field.batch, room))
+        if not new and not busy:
+            return field
+        is_settled = not new  # nothing is wanted yet: ask again when what is under way is known
+        if new:
+            field = _extended(field, runner, new)
+            runner.begin(tasks_at(field, new))
+
+
+def tasks_at(field: StoredField, places: Sequence[Place]) -> list[PointTask]:
+    """Tasks from rest of all beds at some points."""
+    return [
+        task_of(field.spec, *place, seed=seed, folder=field.where)
+        for place in places
+        for seed in range(field.spec.seeds)
+    ]
+
+
+def _extended(field: StoredField, runner: Runner, places: Sequence[Place]) -> StoredField:
+    field = field._replace(chosen=(*field.chosen, tuple(places)))
+    save_field(runner.store, field)
+    return field
+
+
+def _results(field: StoredField, runner: Runner, place: Place) -> list[PointResult]:
+    found = [runner.results.get(task.key) for task in tasks_at(field, [place])]
+    return [result for result in found if result is not None and not result.failed]
+
+
+class SurrogateSource:
+    """Points where the Gaussian process of :mod:`graindamp.field.surrogate` is least certain."""
+
+    def __init__(self, spec: FieldSpec) -> None:
+        """Choose points of an adaptive plan."""
+        assert isinstance(spec.plan, AdaptivePlan)
+        self._spec, self._plan = spec, spec.plan
+        lid = spec.damper.lid
+        self._clearance = lid.clearance if isinstance(lid, RigidLid) else None
+
+    def first(self) -> Sequence[Place]:
+        """A coarse grid, and where the edge of collect and collide is expected."""
+        from graindamp.field.adaptive import coarse_start
+
+        plan = self._plan
+        counts = plan.start_frequencies, plan.start_intensities
+        start = coarse_start(plan.frequency_range, plan.intensity_range, *counts, clearance=self._clearance)
+        return start[: plan.max_points]
+
+    def next(
+        self, results: Sequence[tuple[Place, Sequence[PointResult]]], running: Sequence[Place], n_point: int
+    ) -> Sequence[Place]:
+        """The points that take away most of what the error is above the asked one, for their cost."""
+        from graindamp.campaign.consolidate import Answer, field_of
+        from graindamp.field.adaptive import candidates, cycles_cost, is_accurate, next_points
+        from graindamp.field.surrogate import Surrogate
+
+        plan, floor = self._plan, self._spec.stop.floor
+        points = field_of(self._spec, {place: [Answer(one) for one in found] for place, found in results})
+        surrogate = Surrogate(points, self._clearance)
+        ranges = plan.frequency_range, plan.intensity_range
+        if is_accurate(surrogate, *ranges, accuracy=plan.accuracy, floor=floor).is_accurate:
+            return []
+        choices = next_points(
+            surrogate, candidates(*ranges), n_point, plan.accuracy, floor, busy=running, cost=cycles_cost
+        )
+        return [(choice.frequency, choice.intensity) for choice in choices]

@@ -1,0 +1,71 @@
+"""What a worker does: one operating point, its bed packed once per machine."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+from graindamp.campaign.locks import lock
+from graindamp.campaign.point import PHYSICS, PointResult, PointTask, measure
+
+Measure = Callable[[PointTask, PointResult | None], PointResult]
+"""How a point is measured; importable on the workers."""
+
+
+class Tool(NamedTuple):
+    """What a worker computes with."""
+
+    version: str
+    """Of graindamp."""
+    physics: int
+    """Of the engine."""
+
+
+def work(task: str, start: PointResult | None, how: Measure) -> PointResult:
+    """Result of a task given as text, so that it travels between processes and versions of pydantic alike.
+
+    Raises:
+        InputError: as :func:`graindamp.campaign.point.measure`.
+    """
+    return how(PointTask.load(task), start)
+
+
+def measure_packed(task: PointTask, start: PointResult | None) -> PointResult:
+    """Simulate a point; of the workers on a machine that need the same bed, one packs and the others wait for it.
+
+    Raises:
+        InputError: as :func:`graindamp.campaign.point.measure`.
+    """
+    from graindamp.dem.packing import PHYSICS as PACKING
+    from graindamp.dem.packing import pack
+    from graindamp.dem.packing_store import default_folder, packing_key
+    from graindamp.dem.turned import turned
+
+    folder = None if task.folder is None else Path(task.folder)
+    key = packing_key(task.simulation.damper, PACKING, folder)[:32]
+    with _alone(default_folder() / f"{key}.lock"):
+        packing = pack(task.simulation.damper, folder=folder)
+        if task.start is None:
+            turned(task.simulation.damper, packing, physics=PACKING, folder=folder)
+    return measure(task, start)
+
+
+def tool() -> Tool:
+    """What this process computes with."""
+    return Tool(version("graindamp"), PHYSICS)
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """No other process of the machine is in here with the same file; without locks beds are packed twice, no more."""
+    file = None
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("w")
+        lock(file, wait=True)
+    try:
+        yield
+    finally:
+        if file is not None:
+            file.close()

@@ -1,0 +1,209 @@
+"""graindamp field and graindamp campaign: what they write, print and refuse. The engine is replaced by a formula."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from campaign_made import FAULTS, GRID, made, project, result_of
+from graindamp.campaign.store import Store
+from graindamp.cli.main import app
+from graindamp.errors import InputError
+from graindamp.field.store import read_field
+from graindamp.report.field_progress import FieldProgress, clock, line_of, progress_map
+
+
+@pytest.fixture(autouse=True)
+def no_engine(monkeypatch):
+    monkeypatch.setattr("graindamp.campaign.work.measure_packed", made)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    monkeypatch.setattr(FieldProgress, "draw", lambda self, state: None)
+
+
+def call(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def done(*words):
+    result = call(*words)
+    assert result.exit_code == 0, (result.exception, result.output)
+    return result.stdout
+
+
+def error(*words):
+    result = call(*words)
+    assert isinstance(result.exception, InputError), (result.exception, result.output)
+    return str(result.exception)
+
+
+def test_a_project_becomes_a_field_that_other_commands_take(tmp_path):
+    path = project(tmp_path)
+    out = done("field", path, "-o", tmp_path / "x.nc", "--executor", "serial")
+    assert "12 runs, 12 of them computed now" in out
+    field = read_field(tmp_path / "x.nc")
+    assert field.sizes == {"frequency": 3, "intensity": 4}
+    assert (tmp_path / "made-store" / "index.sqlite").exists()
+    assert (tmp_path / "x.map.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "x.html").read_text()
+    assert "finished" in page
+    assert "refresh" not in page
+    shown = json.loads(done("show", tmp_path / "x.nc", "--json"))
+    assert shown["damper"]["clearance"] == 3e-3
+    assert not [path for path in tmp_path.rglob("*") if ".part" in path.name]
+
+
+def test_the_second_time_nothing_is_computed_and_json_is_one_document(undrawn, tmp_path):
+    path = project(tmp_path)
+    first = json.loads(done("field", path, "--executor", "serial", "--json"))
+    second = json.loads(done("field", path, "--executor", "serial", "--json", "--resume"))
+    assert (first["computed"], second["computed"]) == (12, 0)
+    assert first["field"] == str(tmp_path / "made.nc")
+    assert first["usable"] == first["places"] == 12
+    assert first["particle_steps"] == 50 * 4 * (2000 + 1000 + 500)
+
+
+def test_failed_points_are_listed_and_queued_again(undrawn, tmp_path, monkeypatch):
+    faults = tmp_path / "faults"
+    faults.mkdir()
+    monkeypatch.setenv(FAULTS, str(faults))
+    (faults / "100-5").write_text("input")
+    path, store = project(tmp_path), tmp_path / "made-store"
+    result = call("field", path, "--executor", "serial")
+    assert result.exit_code == 0
+    assert "failed: 100 Hz, 5, bed 0: the bed does not fit" in result.stderr
+    assert f"graindamp campaign retry {store}" in result.stderr
+    assert np.isnan(read_field(tmp_path / "made.nc")["loss_factor"].sel(frequency=100, intensity=5))
+    told = done("campaign", "status", store)
+    assert "11 done, 0 running, 0 queued, 1 failed" in told
+    assert "the bed does not fit (tries: 1)" in told
+    (faults / "100-5").unlink()
+    assert "1 failed points queued again" in done("campaign", "retry", store)
+    assert "no point has failed" in done("campaign", "retry", store)
+    assert "1 of them computed now" in done("field", path, "--executor", "serial")
+    told = json.loads(done("campaign", "status", store, "--json"))
+    assert told["points"] == {"queued": 0, "running": 0, "done": 12, "failed": 0}
+    assert told["fields"][0]["done"] == 12
+
+
+def test_a_part_of_a_field_is_exported(undrawn, tmp_path):
+    path, store = project(tmp_path), tmp_path / "made-store"
+    done("field", path, "--executor", "serial")
+    whole = read_field(tmp_path / "made.nc")
+    assert "12 of 12" in done("campaign", "export", store, "-o", tmp_path / "whole.nc")
+    assert (tmp_path / "whole.nc").read_bytes() == (tmp_path / "made.nc").read_bytes()
+    for file in sorted((store / "points").glob("*/*.h5"))[:5]:
+        file.unlink()
+    told = json.loads(done("campaign", "export", store, "-o", tmp_path / "part.nc", "--json"))
+    assert (told["usable"], told["places"]) == (7, 12)
+    part = read_field(tmp_path / "part.nc")
+    known = np.isfinite(part["loss_factor"])
+    assert known.sum() == 7
+    np.testing.assert_array_equal(part["loss_factor"].where(known, 0.0), whole["loss_factor"].where(known, 0.0))
+
+
+def test_several_projects_share_a_store(undrawn, tmp_path):
+    one = project(tmp_path)
+    two = project(tmp_path, GRID | {"frequency": [50, 100, 400]}, "two.toml")
+    told = json.loads(done("field", one, two, "-o", tmp_path / "out", "--executor", "serial", "--json"))
+    assert [field["computed"] for field in told["fields"]] == [12, 4]
+    assert (tmp_path / "out" / "store").is_dir()
+    assert (tmp_path / "out" / "two.nc").exists()
+    store = tmp_path / "out" / "store"
+    assert "--name, one of made, two" in error("campaign", "export", store, "-o", tmp_path / "x.nc")
+    done("campaign", "export", store, "-o", tmp_path / "x.nc", "--name", "two")
+    assert "the store holds made, two" in error("campaign", "export", store, "-o", tmp_path / "x.nc", "--name", "no")
+    assert "give a folder" in error("field", one, two, "-o", tmp_path / "x.nc")
+
+
+def test_resume_wants_something_to_go_on_with(undrawn, tmp_path):
+    path = project(tmp_path)
+    assert "holds no campaign of" in error("field", path, "--executor", "serial", "--resume")
+    done("field", path, "--executor", "serial")
+    project(tmp_path, GRID | {"frequency": [50, 100]})
+    assert "is not what the campaign" in error("field", path, "--executor", "serial", "--resume")
+    assert "8 runs, 0 of them computed now" in done("field", path, "--executor", "serial")
+
+
+def test_ctrl_c_ends_with_its_code_and_says_how_to_go_on(undrawn, tmp_path, monkeypatch):
+    path, seen = project(tmp_path), []
+
+    def stopped(task, start):
+        seen.append(task)
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+        return made(task, start)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("graindamp.campaign.work.measure_packed", stopped)
+        result = call("field", path, "--executor", "serial")
+    assert result.exit_code == 130
+    assert "Give the same command to go on" in result.stderr
+    assert "3 of 12 points from rest done" in done("campaign", "status", tmp_path / "made-store")
+    assert "9 of them computed now" in done("field", path, "--executor", "serial", "--resume")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("campaign", "status", "{here}"), "is no store"),
+        (("campaign", "status", "{here}/none"), "is no store"),
+        (("campaign", "retry", "{here}/made.toml"), "is a file"),
+        (("field", "{here}/made.toml", "-o", "x.txt"), "a field file ends in .nc or .csv"),
+        (("field", "{here}/made.toml", "--executor", "many"), "allowed are local"),
+        (("field", "{here}/made.toml", "--executor", "dask"), "needs the address"),
+        (
+            ("field", "{here}/made.toml", "--executor", "serial", "--scheduler", "tcp://x:1"),
+            "goes with --executor dask",
+        ),
+        (("field", "{here}/made.toml", "--slurm", "colour=red"), "name one of queue"),
+        (("field", "{here}/none.toml"), "cannot be opened"),
+    ],
+)
+def test_nonsense_is_refused(tmp_path, words, message):
+    project(tmp_path)
+    assert message in error(*(word.format(here=tmp_path) for word in words))
+    assert not list(tmp_path.glob("made-store/points/*/*"))
+
+
+def test_an_empty_store_has_no_field(tmp_path):
+    Store(tmp_path / "s").close()
+    assert "holds no description" in error("campaign", "export", tmp_path / "s", "-o", tmp_path / "x.nc")
+
+
+def outlook(states, plan=None):
+    from campaign_made import field_spec
+    from graindamp.campaign.outlook import outlook_of
+    from graindamp.campaign.point import task_of
+
+    spec = field_spec(plan)
+    tasks = {task.key: task for task in (task_of(spec, f, gamma) for f, gamma in spec.plan.points)}
+    state = dict(zip(tasks, states, strict=False))
+    results = {key: result_of(tasks[key], 0.1 + 0.1 * k) for k, key in enumerate(tasks) if state.get(key) == "done"}
+    return outlook_of("from rest", tasks, results, state, 125.0)
+
+
+@pytest.mark.parametrize("plan", [None, {"kind": "list", "points": [[50, 1], [70, 5], [200, 20]]}])
+def test_the_map_shows_every_state(tmp_path, plan):
+    state = outlook(["done", "failed", "running", "elsewhere", "done", "queued"], plan)
+    figure = progress_map(state, "made")
+    assert "made" in figure.get_suptitle()
+    figure.savefig(tmp_path / "map.png")
+
+
+def test_the_line_counts(tmp_path):
+    line = line_of(outlook(["done", "failed", "running", "elsewhere", "done", "queued"]))
+    assert line == "from rest: 2 of 12 done, 1 running, 1 elsewhere, 1 failed, worst error 1 %, 2:05 left"
+    assert clock(3725) == "1:02:05"
+
+
+def test_the_page_loads_itself_again_while_the_campaign_runs(tmp_path, capsys):
+    with FieldProgress(tmp_path / "x.nc", "made") as progress:
+        progress(outlook(["done"]))
+        assert 'http-equiv="refresh"' in progress.page.read_text()
+        progress(outlook(["done", "done"]))
+    assert 'http-equiv="refresh"' not in progress.page.read_text()
+    assert capsys.readouterr().err.splitlines() == [line_of(outlook(["done"])), line_of(outlook(["done", "done"]))]
