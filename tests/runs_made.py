@@ -197,8 +197,8 @@ def _world(run, velocity, position, container):
         position=np.column_stack([position, run.radius])[None],
         velocity=np.column_stack([velocity, np.zeros(n)])[None],
         spin=np.zeros((1, n, 4)),
-        force=np.zeros((1, n, 4)),
-        torque=np.zeros((1, n, 4)),
+        force=np.zeros((1, n, 3)),
+        torque=np.zeros((1, n, 3)),
     )
     motion = SimpleNamespace(
         timing=np.array([[0.0, 0.0, *run.direction, 0.0, 0.0, 0.0]]),

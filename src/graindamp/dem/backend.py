@@ -14,7 +14,7 @@ from graindamp.dem.columns import (
     SPEED_SIN,
     WORK_CONTAINER,
 )
-from graindamp.dem.compile import compiled, inner
+from graindamp.dem.compile import compiled, merged
 from graindamp.dem.contact import find_touching, pair_forces
 from graindamp.dem.motion import DIRECTION, FUNDAMENTAL, START, move
 from graindamp.dem.neighbours import INNER_STEPS, narrow_pairs, refresh_pairs
@@ -57,17 +57,17 @@ def advance(first, last, target, worlds):
             narrow(w, particles, pairs, touches, walls, rules, clock)
             find_touching(w, particles, pairs)
             pair_forces(w, now, particles, pairs, rules, record, scratch)
-            wall_forces(w, now, particles, touches, walls, rules, record)
+            wall_forces(w, now, particles, touches, walls, rules, record, scratch)
             if clock.stage[w] == NEW:
                 shift(w, -0.5 * dt, particles, rules, motion)
             else:
                 clock.counts[w, 2] += pairs.n_active[w]
-                clock.counts[w, 3] += touches.n_active[w]
+                clock.counts[w, 3] += touches.n_active[w] + touches.n_soft[w]
                 observe(w, motion, rules, clock, walls.n_group[w], record)
             clock.stage[w] = RUNNING
 
 
-@inner
+@merged
 def renew_lists(w, particles, pairs, touches, walls, rules, clock, scratch):
     """Renew the outer lists of world w where their bounds are reached. False: a status bit stops the world."""
     bounds, now = clock.drift[w], clock.step[w]
@@ -88,7 +88,7 @@ def renew_lists(w, particles, pairs, touches, walls, rules, clock, scratch):
     return True
 
 
-@inner
+@merged
 def narrow(w, particles, pairs, touches, walls, rules, clock):
     """Renew the inner lists of world w where their bounds are reached."""
     bounds = clock.drift[w]
@@ -111,17 +111,16 @@ def shift(w, time, particles, rules, motion):
         inverse, inverse_inertia = particles.inverse_mass[w, i, 0], particles.inverse_mass[w, i, 1]
         for c in range(3):
             body = rules.gravity[w, c] - motion.acceleration[w, c]
-            particles.velocity[w, i, c] += time * (particles.force[w, i, c] * inverse + body)
-            particles.spin[w, i, c] += time * particles.torque[w, i, c] * inverse_inertia
+            particles.velocity[w, i, c] += time * (particles.load[w, i, c] * inverse + body)
+            particles.spin[w, i, c] += time * particles.load[w, i, 4 + c] * inverse_inertia
 
 
-@inner
+@merged
 def drift(w, particles, rules, motion, clock):
     """Kick by the forces of the last positions, move, clear the forces. Returns the largest speed relative to the
     carried velocity [m/s]."""
-    position, velocity, velocity_next = particles.position[w], particles.velocity[w], particles.velocity_next[w]
-    spin, spin_next, force, torque = particles.spin[w], particles.spin_next[w], particles.force[w], particles.torque[w]
-    inverse_mass = particles.inverse_mass[w]
+    position, velocity, spin = particles.position[w], particles.velocity[w], particles.spin[w]
+    seen, load, inverse_mass = particles.seen[w], particles.load[w], particles.inverse_mass[w]
     dt = rules.time_step[w]
     half = 0.5 * dt
     # The container's acceleration is felt as a body force in its frame.
@@ -133,10 +132,10 @@ def drift(w, particles, rules, motion, clock):
     for i in range(particles.n_particle[w]):
         # Whole rows of four, the fourth number idle, so that the compiler can use one vector instruction for each line.
         inverse = inverse_mass[i, 0]
-        a0 = force[i, 0] * inverse + bx
-        a1 = force[i, 1] * inverse + by
-        a2 = force[i, 2] * inverse + bz
-        a3 = force[i, 3] * inverse
+        a0 = load[i, 0] * inverse + bx
+        a1 = load[i, 1] * inverse + by
+        a2 = load[i, 2] * inverse + bz
+        a3 = load[i, 3] * inverse
         v0 = velocity[i, 0] + dt * a0
         v1 = velocity[i, 1] + dt * a1
         v2 = velocity[i, 2] + dt * a2
@@ -147,31 +146,31 @@ def drift(w, particles, rules, motion, clock):
         x3 = position[i, 3] + dt * v3
         velocity[i, 0], velocity[i, 1], velocity[i, 2], velocity[i, 3] = v0, v1, v2, v3
         position[i, 0], position[i, 1], position[i, 2], position[i, 3] = x0, x1, x2, x3
-        velocity_next[i, 0] = v0 + half * a0
-        velocity_next[i, 1] = v1 + half * a1
-        velocity_next[i, 2] = v2 + half * a2
-        velocity_next[i, 3] = v3 + half * a3
-        force[i, 0], force[i, 1], force[i, 2], force[i, 3] = 0.0, 0.0, 0.0, 0.0
+        seen[i, 0] = v0 + half * a0
+        seen[i, 1] = v1 + half * a1
+        seen[i, 2] = v2 + half * a2
+        seen[i, 3] = v3 + half * a3
+        load[i, 0], load[i, 1], load[i, 2], load[i, 3] = 0.0, 0.0, 0.0, 0.0
         fastest = max(fastest, (v0 - cx) * (v0 - cx) + (v1 - cy) * (v1 - cy) + (v2 - cz) * (v2 - cz))
         inverse = inverse_mass[i, 1]
-        a0 = torque[i, 0] * inverse
-        a1 = torque[i, 1] * inverse
-        a2 = torque[i, 2] * inverse
-        a3 = torque[i, 3] * inverse
+        a0 = load[i, 4] * inverse
+        a1 = load[i, 5] * inverse
+        a2 = load[i, 6] * inverse
+        a3 = load[i, 7] * inverse
         v0 = spin[i, 0] + dt * a0
         v1 = spin[i, 1] + dt * a1
         v2 = spin[i, 2] + dt * a2
         v3 = spin[i, 3] + dt * a3
         spin[i, 0], spin[i, 1], spin[i, 2], spin[i, 3] = v0, v1, v2, v3
-        spin_next[i, 0] = v0 + half * a0
-        spin_next[i, 1] = v1 + half * a1
-        spin_next[i, 2] = v2 + half * a2
-        spin_next[i, 3] = v3 + half * a3
-        torque[i, 0], torque[i, 1], torque[i, 2], torque[i, 3] = 0.0, 0.0, 0.0, 0.0
+        seen[i, 4] = v0 + half * a0
+        seen[i, 5] = v1 + half * a1
+        seen[i, 6] = v2 + half * a2
+        seen[i, 7] = v3 + half * a3
+        load[i, 4], load[i, 5], load[i, 6], load[i, 7] = 0.0, 0.0, 0.0, 0.0
     return sqrt(fastest)
 
 
-@inner
+@merged
 def fall_due(w, fastest, time_step, clock):
     """Let the bounds on motion since the last refreshes grow by what the fastest particle moved in this step."""
     bounds = clock.drift[w]
@@ -185,7 +184,7 @@ def fall_due(w, fastest, time_step, clock):
     bounds[10] = carried
 
 
-@inner
+@merged
 def carry(w, particles, bounds):
     """Mean velocity of the bed, which the bounds are relative to from now on."""
     velocity, n = particles.velocity[w], particles.n_particle[w]
@@ -197,7 +196,7 @@ def carry(w, particles, bounds):
     bounds[0], bounds[1], bounds[2] = x / n, y / n, z / n
 
 
-@inner
+@merged
 def observe(w, motion, rules, clock, n_group, record):
     """Write down a step: its sums, and a block mean where one is complete."""
     dt = rules.time_step[w]
@@ -207,7 +206,7 @@ def observe(w, motion, rules, clock, n_group, record):
         close_sample(w, n_group, record)
 
 
-@inner
+@merged
 def note(w, weight, time_step, middle, motion, clock, n_group, record):
     """Add the present forces to the sums, with `weight` nominal time steps: work, block means, Fourier sums of a cycle.
 

@@ -22,23 +22,24 @@ N_COLUMN = 8
 N_NODE = 513
 """Nodes of the loss table, even in v / (v + SPEED_SCALE)."""
 
-# What a contact remembers (Contacts.grip).
-ONSET = 0
-"""Largest approach speed since the contact began [m/s]."""
+# What a contact remembers (Contacts.grip): one cache line, first what the normal force needs.
+GRIP_STIFFNESS = 0
+"""Stiffness with the radii in it [N/m^1.5] or [N/m]."""
 DAMPING = 1
 """Gonthier: d / (e onset) [s/m]; viscous laws: dashpot without its factor of overlap."""
 LEAST = 2
-"""Gonthier: 1 - d [-]; foam: loss factor [-]."""
-GRIP_STIFFNESS = 3
-"""Stiffness with the radii in it [N/m^1.5] or [N/m]."""
+"""Gonthier: 1 - d [-]."""
+MASS = 3
+"""Reduced mass [kg]."""
 GRIP_FRICTION = 4
 """Coefficient of friction [-]."""
-MASS = 5
-"""Reduced mass [kg]."""
-GRIP_SMOOTHING = 6
-"""Slope of tanh friction [s/m]."""
-GRIP_SHEAR = 7
-"""Mindlin: 8 G* sqrt(R*) [N/m^1.5]; linear: tangential stiffness [N/m]."""
+GRIP_TANGENTIAL = 5
+"""Slope of tanh friction [s/m]; Mindlin: 8 G* sqrt(R*) [N/m^1.5]; linear: tangential stiffness [N/m]."""
+ONSET = 6
+"""Largest approach speed since the contact began [m/s]."""
+TOUCHED = 7
+"""Step at which the bodies last touched [-]."""
+N_GRIP = 8
 
 # Sums over a cycle (Record.fourier).
 FORCE_COS = 0
@@ -69,8 +70,8 @@ N_SPEED_BIN = 128
 LOWEST_SPEED = 1e-6
 """Lower end of the first bin of the impact speed histogram [m/s]; bins are a quarter of an octave wide."""
 
-LANE = 32
+LANE = 16
 """Contacts in a block of the force computation [-]: enough that the compiler keeps the loops, few enough for the
 fastest cache."""
-N_BUFFER = 38 * LANE
+N_BUFFER = 58 * LANE
 """Numbers in the buffer of a block."""

@@ -45,27 +45,33 @@ CACHED = _cacheable()
 """Whether compiled code outlives the process; False where no folder can be written."""
 
 
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": CACHED, "_nrt": False}
+NO_ENTRANCE: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 def compiled(body: Body) -> Body:
     """The function, compiled for the processor; releases Python's lock so that threads run worlds side by side."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": FAST, "cache": CACHED, "_nrt": False}
-    result: Body = numba.njit(**options)(body)
+    result: Body = numba.njit(fastmath=FAST, **OPTIONS)(body)
     return result
 
 
 def inner(body: Body) -> Body:
     """As :func:`compiled`, for a function that only compiled code calls: without its entrance from Python, which takes
     longer to compile than most bodies, because it unpacks every array of the worlds."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": FAST, "cache": CACHED, "_nrt": False}
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    result: Body = numba.njit(**options)(body)
+    result: Body = numba.njit(fastmath=FAST, **OPTIONS, **NO_ENTRANCE)(body)
+    return result
+
+
+def merged(body: Body) -> Body:
+    """As :func:`inner`, made part of the machine code of each caller. A call hands over place, sizes and strides of
+    every array of the worlds, hundreds of numbers, which takes longer than the work on a few contacts."""
+    result: Body = numba.njit(fastmath=FAST, forceinline=True, **OPTIONS, **NO_ENTRANCE)(body)
     return result
 
 
 def checked(body: Body) -> Body:
     """As :func:`inner`, with arithmetic that still sees NaN and infinity."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": CACHED, "_nrt": False}
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    result: Body = numba.njit(**options)(body)
+    result: Body = numba.njit(**OPTIONS, **NO_ENTRANCE)(body)
     return result
 
 

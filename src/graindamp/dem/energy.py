@@ -67,7 +67,7 @@ def velocity_now(worlds: Worlds, w: int = 0) -> tuple[NDArray[np.float64], NDArr
     half = 0.5 * worlds.rules.time_step[w]
     inverse = worlds.particles.inverse_mass[w, :n]
     body = worlds.rules.gravity[w] - worlds.motion.acceleration[w]
-    force, torque = worlds.particles.force[w, :n, :3], worlds.particles.torque[w, :n, :3]
+    force, torque = worlds.particles.force[w, :n], worlds.particles.torque[w, :n]
     velocity = worlds.particles.velocity[w, :n, :3] + half * (force * inverse[:, :1] + body)
     spin = worlds.particles.spin[w, :n, :3] + half * torque * inverse[:, 1:]
     return velocity, spin
@@ -82,7 +82,7 @@ def energies(worlds: Worlds, w: int = 0) -> Energies:
     inertia = 1.0 / worlds.particles.inverse_mass[w, :n, 1]
     position = worlds.particles.position[w, :n, :3] + worlds.motion.displacement[w]
     elastic = elastic_pairs(w, worlds.particles, worlds.pairs, worlds.rules)
-    elastic += elastic_walls(w, worlds.clock.step[w], worlds.particles, worlds.touches, worlds.walls, worlds.rules)
+    elastic += elastic_walls(w, worlds.particles, worlds.touches, worlds.walls, worlds.rules)
     ledger = worlds.record.ledger[w]
     return Energies(
         kinetic=float(0.5 * np.sum(mass * np.sum(velocity**2, axis=1))),
@@ -134,32 +134,28 @@ def elastic_pairs(w, particles, pairs, rules):
 
 
 @compiled
-def elastic_walls(w, step, particles, touches, walls, rules):
+def elastic_walls(w, particles, touches, walls, rules):
     """Energy stored in contacts with walls and in foam of world w [J]."""
-    position = particles.position[w]
     total = 0.0
-    done_particle, done_patch = -1, -1
-    for k in range(touches.n_inner[w]):
-        p = touches.inner[w, k]
-        i, e = touches.first[w, p], touches.second[w, p]
-        patch = walls.patch[w, e]
-        if i == done_particle and patch == done_patch:
-            continue
-        x, y, z, radius = position[i, 0], position[i, 1], position[i, 2], position[i, 3]
-        overlap = radius - nearest(walls.kind[w, e], walls.shape[w], e, walls.edges[w], x, y, z, radius)[0]
-        if overlap <= 0.0:
-            continue
-        done_particle, done_patch = i, patch
-        home = touches.active[w, p]
-        if walls.law[w, e] == NormalLaw.FOAM:
-            a, b, c = (
-                walls.shape[w, e, FOAM_FIRST],
-                walls.shape[w, e, FOAM_FIRST + 1],
-                walls.shape[w, e, FOAM_FIRST + 2],
-            )
-            total += overlap * overlap * (a / 2.0 + overlap * (b / 3.0 + overlap * c / 4.0))
-        elif touches.touched[w, home] == step:
-            total += elastic_energy(walls.law[w, e], touches.grip[w, home, GRIP_STIFFNESS], overlap)
-            if rules.tangential[w] >= TangentialLaw.MINDLIN:
-                total += spring_energy(touches.stretch[w, home])
+    for k in range(touches.n_active[w]):
+        p = touches.active[w, k]
+        overlap = wall_overlap(w, touches.active_first[w, k], touches.active_second[w, k], particles, walls)
+        total += elastic_energy(rules.normal[w], touches.grip[w, p, GRIP_STIFFNESS], overlap)
+        if rules.tangential[w] >= TangentialLaw.MINDLIN:
+            total += spring_energy(touches.stretch[w, p])
+    if touches.n_soft[w] > 0:
+        for k in range(touches.n_inner[w]):
+            i, e = touches.inner_first[w, k], touches.inner_second[w, k]
+            if walls.law[w, e] == NormalLaw.FOAM:
+                x, shape = max(wall_overlap(w, i, e, particles, walls), 0.0), walls.shape[w, e]
+                a, b, c = shape[FOAM_FIRST], shape[FOAM_FIRST + 1], shape[FOAM_FIRST + 2]
+                total += x * x * (a / 2.0 + x * (b / 3.0 + x * c / 4.0))
     return total
+
+
+@inner
+def wall_overlap(w, i, e, particles, walls):
+    """Overlap of particle i with element e [m]."""
+    position = particles.position[w]
+    x, y, z, radius = position[i, 0], position[i, 1], position[i, 2], position[i, 3]
+    return radius - nearest(walls.kind[w, e], walls.shape[w], e, walls.edges[w], x, y, z, radius)[0]

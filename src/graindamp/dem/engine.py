@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from graindamp.dem.backend import advance
-from graindamp.dem.state import Contacts, Worlds, empty_contacts, empty_scratch
+from graindamp.dem.state import Contacts, Worlds, aligned, empty_contacts, empty_scratch
 from graindamp.status import Status
 
 GROWTH = 1.5
@@ -60,7 +60,7 @@ def with_room(worlds: Worlds) -> Worlds:
         max(pairs.first.shape[1], touches.first.shape[1]),
         worlds.pairs.stretch.shape[1] > 1,
     )
-    return worlds._replace(pairs=pairs, touches=touches, scratch=scratch)
+    return aligned(worlds._replace(pairs=pairs, touches=touches, scratch=scratch))
 
 
 def _longer(old: Contacts) -> Contacts:
@@ -88,4 +88,4 @@ def together(batch: Sequence[Worlds]) -> Worlds:
         return np.concatenate(parts)
 
     joined: Worlds = join(*batch)
-    return joined
+    return aligned(joined)

@@ -92,7 +92,7 @@ class Gear:
         self.place[:, :, 1] = velocity * self.step
         body = worlds.rules.gravity[0] - worlds.motion.acceleration[0]
         inverse = worlds.particles.inverse_mass[0, :n]
-        force, torque = worlds.particles.force[0, :n, :3], worlds.particles.torque[0, :n, :3]
+        force, torque = worlds.particles.force[0, :n], worlds.particles.torque[0, :n]
         self.place[:, :, 2] = 0.5 * self.step**2 * (force * inverse[:, :1] + body)
         self.turn[:, :, 0] = spin
         self.turn[:, :, 1] = self.step * torque * inverse[:, 1:]
@@ -102,7 +102,7 @@ class Gear:
         n = len(self.place)
         body = worlds.rules.gravity[0] - worlds.motion.acceleration[0]
         inverse = worlds.particles.inverse_mass[0, :n]
-        force, torque = worlds.particles.force[0, :n, :3], worlds.particles.torque[0, :n, :3]
+        force, torque = worlds.particles.force[0, :n], worlds.particles.torque[0, :n]
         half = 0.5 * nominal
         worlds.particles.velocity[0, :n, :3] = self.place[:, :, 1] / self.step - half * (force * inverse[:, :1] + body)
         worlds.particles.spin[0, :n, :3] = self.turn[:, :, 0] - half * torque * inverse[:, 1:]
@@ -144,15 +144,16 @@ def gear_advance(w, goal, worlds, place, turn, power, before, control, second, f
         narrow(w, particles, pairs, touches, walls, rules, clock)
         find_touching(w, particles, pairs)
         pair_forces(w, clock.step[w], particles, pairs, rules, record, scratch)
-        wall_forces(w, clock.step[w], particles, touches, walls, rules, record)
+        wall_forces(w, clock.step[w], particles, touches, walls, rules, record, scratch)
         # The laws count a step's loss by the power at its end; the mean of both ends is right for unequal steps.
         for k in range(LOSS_NORMAL, N_LEDGER):
             now = (record.ledger[w, k] - before[k]) / h
             record.ledger[w, k] = before[k] + 0.5 * h * (power[k] + now)
             power[k] = now
-        clock.counts[w, 4] = pairs.n_active[w] + touches.n_active[w]
+        touching = touches.n_active[w] + touches.n_soft[w]
+        clock.counts[w, 4] = pairs.n_active[w] + touching
         clock.counts[w, 2] += pairs.n_active[w]
-        clock.counts[w, 3] += touches.n_active[w]
+        clock.counts[w, 3] += touching
         error = correct(w, n, h, place, turn, particles, rules, motion, second, first)
         middle = clock.time[w] - 0.5 * h
         note(w, 0.5 * h / control[4], control[4], middle, motion, clock, walls.n_group[w], record)
@@ -196,10 +197,10 @@ def predict(w, n, h, place, turn, particles, bounds):
                         q[i, c, m] += q[i, c, m + 1]
             particles.position[w, i, c] = place[i, c, 0]
             particles.velocity[w, i, c] = place[i, c, 1] / h
-            particles.velocity_next[w, i, c] = place[i, c, 1] / h
-            particles.spin_next[w, i, c] = turn[i, c, 0]
-            particles.force[w, i, c] = 0.0
-            particles.torque[w, i, c] = 0.0
+            particles.seen[w, i, c] = place[i, c, 1] / h
+            particles.seen[w, i, 4 + c] = turn[i, c, 0]
+            particles.load[w, i, c] = 0.0
+            particles.load[w, i, 4 + c] = 0.0
             moved = (place[i, c, 0] - before) / h - bounds[c]
             square += moved * moved
         fastest = max(fastest, square)
@@ -214,12 +215,12 @@ def correct(w, n, h, place, turn, particles, rules, motion, second, first):
     for i in range(n):
         inverse, inverse_inertia = particles.inverse_mass[w, i, 0], particles.inverse_mass[w, i, 1]
         for c in range(3):
-            change = particles.force[w, i, c] * inverse + rules.gravity[w, c] - motion.acceleration[w, c]
+            change = particles.load[w, i, c] * inverse + rules.gravity[w, c] - motion.acceleration[w, c]
             error = 0.5 * h * h * change - place[i, c, 2]
             for k in range(6):
                 place[i, c, k] += second[k] * error
             worst = max(worst, abs(error))
-            error = h * particles.torque[w, i, c] * inverse_inertia - turn[i, c, 1]
+            error = h * particles.load[w, i, 4 + c] * inverse_inertia - turn[i, c, 1]
             for k in range(6):
                 turn[i, c, k] += first[k] * error
             particles.position[w, i, c] = place[i, c, 0]

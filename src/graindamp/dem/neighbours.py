@@ -6,7 +6,7 @@ relative to the bed's mean velocity at the last outer refresh, because a bed tha
 block does not change its neighbours. Pairs are sorted by their two members, so that forces are summed in the same
 order whatever the reach."""
 
-from graindamp.dem.columns import ONSET
+from graindamp.dem.columns import ONSET, TOUCHED
 from graindamp.dem.compile import checked, inner
 from graindamp.dem.grip import begin
 from graindamp.dem.laws import TangentialLaw
@@ -27,10 +27,10 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
     """Make the outer list of pairs of world w; contacts that touched at `step` keep their memory. Returns a status
     bit or 0."""
     position, n, skin = particles.position[w], particles.n_particle[w], rules.skin[w]
-    first, second, touched = pairs.first[w], pairs.second[w], pairs.touched[w]
+    first, second, grip = pairs.first[w], pairs.second[w], pairs.grip[w]
     start, place, member, near = scratch.start[w], scratch.place[w], scratch.member[w], scratch.near[w]
     kept_first, kept_second = scratch.kept_first[w], scratch.kept_second[w]
-    capacity = first.shape[0]
+    material, capacity = particles.material[w], first.shape[0]
 
     low_x = high_x = position[0, 0]
     low_y = high_y = position[0, 1]
@@ -91,17 +91,17 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
                             near[k] = j
                             n_near += 1
         if n_pair + n_near > capacity:
-            put_back(w, step, n_kept, particles, pairs, rules, scratch)
+            put_back(w, step, n_kept, False, pairs, particles, material, rules, scratch)
             return LISTS_FULL
         for k in range(n_near):
             j = near[k]
-            first[n_pair], second[n_pair], touched[n_pair] = i, j, -9
+            first[n_pair], second[n_pair], grip[n_pair, TOUCHED] = i, j, -9.0
             while n_found < n_kept and (
                 kept_first[n_found] < i or (kept_first[n_found] == i and kept_second[n_found] < j)
             ):
                 n_found += 1
             if n_found < n_kept and kept_first[n_found] == i and kept_second[n_found] == j:
-                remember(w, step, n_found, n_pair, particles, pairs, rules, scratch)
+                remember(w, step, n_found, n_pair, False, pairs, particles, material, rules, scratch)
                 pairs.active[w, n_active] = n_pair
                 n_active += 1
             n_pair += 1
@@ -111,55 +111,43 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
 
 
 @checked
-def keep(w, step, pairs, rules, scratch):
+def keep(w, step, contacts, rules, scratch):
     """Set aside who touches and at which speed it began; all else that a contact knows follows from that."""
-    active, touched = pairs.active[w], pairs.touched[w]
+    active, grip = contacts.active[w], contacts.grip[w]
     n_kept = 0
-    for k in range(pairs.n_active[w]):
+    for k in range(contacts.n_active[w]):
         p = active[k]
-        if touched[p] == step:
-            scratch.kept_first[w, n_kept] = pairs.first[w, p]
-            scratch.kept_second[w, n_kept] = pairs.second[w, p]
-            scratch.kept_onset[w, n_kept] = pairs.grip[w, p, ONSET]
+        if grip[p, TOUCHED] == step:
+            scratch.kept_first[w, n_kept] = contacts.first[w, p]
+            scratch.kept_second[w, n_kept] = contacts.second[w, p]
+            scratch.kept_onset[w, n_kept] = grip[p, ONSET]
             if rules.tangential[w] >= TangentialLaw.MINDLIN:
                 for c in range(4):
-                    scratch.kept_stretch[w, n_kept, c] = pairs.stretch[w, p, c]
+                    scratch.kept_stretch[w, n_kept, c] = contacts.stretch[w, p, c]
             n_kept += 1
     return n_kept
 
 
 @checked
-def remember(w, step, k, p, particles, pairs, rules, scratch):
-    """Give the contact set aside as number k to place p of the list."""
-    i, j = pairs.first[w, p], pairs.second[w, p]
-    pairs.touched[w, p] = step
-    begin(
-        particles.material[w, i],
-        particles.material[w, j],
-        particles.position[w, i, 3],
-        particles.position[w, j, 3],
-        1.0 / particles.inverse_mass[w, i, 0],
-        1.0 / particles.inverse_mass[w, j, 0],
-        rules.normal[w],
-        rules.pair[w],
-        rules.loss[w],
-        scratch.kept_onset[w, k],
-        pairs.grip[w, p],
-    )
+def remember(w, step, k, p, wall, contacts, particles, material, rules, scratch):
+    """Give the contact set aside as number k to place p of the list; `material` is that of the second bodies."""
+    i, j = contacts.first[w, p], contacts.second[w, p]
+    begin(w, i, j, wall, particles, material, rules, scratch.kept_onset[w, k], contacts.grip[w, p])
+    contacts.grip[w, p, TOUCHED] = step
     if rules.tangential[w] >= TangentialLaw.MINDLIN:
         for c in range(4):
-            pairs.stretch[w, p, c] = scratch.kept_stretch[w, k, c]
+            contacts.stretch[w, p, c] = scratch.kept_stretch[w, k, c]
 
 
 @checked
-def put_back(w, step, n_kept, particles, pairs, rules, scratch):
+def put_back(w, step, n_kept, wall, contacts, particles, material, rules, scratch):
     """Make what was set aside the whole list, so that a longer list can take it over."""
     for k in range(n_kept):
-        pairs.first[w, k], pairs.second[w, k] = scratch.kept_first[w, k], scratch.kept_second[w, k]
-        pairs.active[w, k] = k
-        remember(w, step, k, k, particles, pairs, rules, scratch)
-    pairs.n_active[w] = n_kept
-    pairs.n_outer[w] = n_kept
+        contacts.first[w, k], contacts.second[w, k] = scratch.kept_first[w, k], scratch.kept_second[w, k]
+        contacts.active[w, k] = k
+        remember(w, step, k, k, wall, contacts, particles, material, rules, scratch)
+    contacts.n_active[w] = n_kept
+    contacts.n_outer[w] = n_kept
 
 
 @inner

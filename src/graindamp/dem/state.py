@@ -8,19 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from graindamp.dem.columns import N_BUFFER, N_FOURIER, N_LEDGER, N_SPEED_BIN
+from graindamp.dem.columns import N_BUFFER, N_FOURIER, N_GRIP, N_LEDGER, N_SPEED_BIN, TOUCHED
 
 Real = NDArray[np.float64]
 Count = NDArray[np.int32]
 Place = NDArray[np.uint32]
 """Unsigned, so that compiled code need not look for negative places."""
 
-N_GRIP = 8
-"""Numbers that a contact remembers for its normal force."""
-
 
 class Particles(NamedTuple):
-    """What moves. Rows of four, so that a particle's numbers share half a cache line."""
+    """What moves. Rows of four or eight, so that the numbers of a particle share half a cache line or one."""
 
     position: Real
     """Centre [m] and, fourth, radius [m]; (world, particle, 4)."""
@@ -28,14 +25,11 @@ class Particles(NamedTuple):
     """Velocity in the container's frame at mid-step [m/s] and, fourth, 0; (world, particle, 4)."""
     spin: Real
     """Angular velocity at mid-step [rad/s] and, fourth, 0; (world, particle, 4)."""
-    velocity_next: Real
-    """Velocity extrapolated to the time of the positions, which the contacts see [m/s]; (world, particle, 4)."""
-    spin_next: Real
-    """Angular velocity likewise [rad/s]; (world, particle, 4)."""
-    force: Real
-    """Contact force [N]; (world, particle, 4)."""
-    torque: Real
-    """Contact torque [N m]; (world, particle, 4)."""
+    seen: Real
+    """Velocity (0-2) [m/s] and angular velocity (4-6) [rad/s] extrapolated to the time of the positions, which the
+    contacts see; 0 (3, 7); (world, particle, 8)."""
+    load: Real
+    """Contact force (0-2) [N] and torque (4-6) [N m]; 0 (3, 7); (world, particle, 8)."""
     inverse_mass: Real
     """1/mass [1/kg] and 1/moment of inertia [1/(kg m^2)]; (world, particle, 2)."""
     material: Count
@@ -44,6 +38,16 @@ class Particles(NamedTuple):
     """Number of the particle as described, whatever its place in the arrays; (world, particle)."""
     n_particle: Count
     """Particles of each world; the rest of a row is padding; (world,)."""
+
+    @property
+    def force(self) -> Real:
+        """Contact force [N]; (world, particle, 3)."""
+        return self.load[:, :, 0:3]
+
+    @property
+    def torque(self) -> Real:
+        """Contact torque [N m]; (world, particle, 3)."""
+        return self.load[:, :, 4:7]
 
 
 class Contacts(NamedTuple):
@@ -56,26 +60,30 @@ class Contacts(NamedTuple):
     """Particle of the pair; (world, pair)."""
     second: Place
     """Second particle, or wall element; (world, pair)."""
-    touched: NDArray[np.int64]
-    """Step at which the pair last touched; (world, pair)."""
     grip: Real
-    """Constants found at onset, see :mod:`graindamp.dem.grip`; (world, pair, N_GRIP)."""
+    """Constants found at onset and the step of the last touch, see :mod:`graindamp.dem.grip`; (world, pair,
+    N_GRIP)."""
     stretch: Real
     """Tangential force of a spring [N] and its stiffness [N/m]; (world, pair, 4), or (world, 1, 4) if the law has
     none."""
     inner: Place
-    """Places in the outer list; (world, pair)."""
+    """Places in the outer list; of contacts with walls, the place of the memory; (world, pair)."""
     inner_first: Place
     """Members of the inner pairs, beside each other for the pass that reads them most; (world, pair)."""
     inner_second: Place
     active: Place
-    """Places in the outer list; of contacts with walls, the place of each entry's memory; (world, pair)."""
+    """As `inner`, of those that touch, foam excepted; (world, pair)."""
+    active_first: Place
+    """Their members; (world, pair)."""
+    active_second: Place
     n_outer: Count
     """Length of the outer list; (world,)."""
     n_inner: Count
     """Length of the inner list; (world,)."""
     n_active: Count
     """Length of the active list; (world,)."""
+    n_soft: Count
+    """Particles that touch foam; (world,)."""
 
 
 class Walls(NamedTuple):
@@ -215,7 +223,7 @@ class Scratch(NamedTuple):
     kept_stretch: Real
     """Their springs; (world, pair, 4), or (world, 1, 4)."""
     buffer: Real
-    """Rows of a block of contacts, see :mod:`graindamp.dem.contact`; (world, N_BUFFER)."""
+    """Rows of a block of contacts, see :mod:`graindamp.dem.block`; (world, N_BUFFER)."""
 
 
 class Worlds(NamedTuple):
@@ -232,23 +240,52 @@ class Worlds(NamedTuple):
     scratch: Scratch
 
 
+CACHE_LINE = 64
+"""Bytes that memory and processor exchange at a time."""
+
+
+def aligned(worlds: Worlds) -> Worlds:
+    """The same worlds with particles, contacts and scratch in one piece of memory, every array from the start of a
+    cache line, so that a row of eight numbers is one line and not parts of two."""
+    parts: dict[str, Any] = {name: getattr(worlds, name) for name in ("particles", "pairs", "touches", "scratch")}
+    size = sum(_room(array) for part in parts.values() for array in part)
+    memory = np.zeros(size + CACHE_LINE, np.uint8)
+    place = -memory.ctypes.data % CACHE_LINE
+    for name, part in parts.items():
+        moved = []
+        for array in part:
+            moved.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
+            moved[-1][...] = array
+            place += _room(array)
+        parts[name] = type(part)(*moved)
+    return worlds._replace(**parts)
+
+
+def _room(array: NDArray[Any]) -> int:
+    return -(-array.nbytes // CACHE_LINE) * CACHE_LINE
+
+
 def empty_contacts(n_world: int, capacity: int, with_stretch: bool) -> Contacts:
     """Lists with room for `capacity` pairs per world."""
     integer: dict[str, Any] = {"dtype": np.int32}
     place: dict[str, Any] = {"dtype": np.uint32}
+    grip = np.zeros((n_world, capacity, N_GRIP))
+    grip[:, :, TOUCHED] = -9.0
     return Contacts(
         first=np.zeros((n_world, capacity), **place),
         second=np.zeros((n_world, capacity), **place),
-        touched=np.full((n_world, capacity), -9, np.int64),
-        grip=np.zeros((n_world, capacity, N_GRIP)),
+        grip=grip,
         stretch=np.zeros((n_world, capacity if with_stretch else 1, 4)),
         inner=np.zeros((n_world, capacity), **place),
         inner_first=np.zeros((n_world, capacity), **place),
         inner_second=np.zeros((n_world, capacity), **place),
         active=np.zeros((n_world, capacity), **place),
+        active_first=np.zeros((n_world, capacity), **place),
+        active_second=np.zeros((n_world, capacity), **place),
         n_outer=np.zeros(n_world, **integer),
         n_inner=np.zeros(n_world, **integer),
         n_active=np.zeros(n_world, **integer),
+        n_soft=np.zeros(n_world, **integer),
     )
 
 

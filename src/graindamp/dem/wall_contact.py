@@ -1,37 +1,29 @@
-"""Contacts with the walls: who is near which element, and the forces of those that touch."""
+"""Contacts with the walls: who is near which element, and the forces of those that touch.
 
-from math import sqrt
+Elements of one patch share the memory of a contact, which lies at the place of the first of them in the outer list;
+the first element of the patch that touches acts for all. Foam remembers nothing."""
 
-from graindamp.dem.columns import (
-    DAMPING,
-    GRIP_FRICTION,
-    GRIP_SHEAR,
-    GRIP_SMOOTHING,
-    GRIP_STIFFNESS,
-    LEAST,
-    LOSS_FRICTION_WALL,
-    LOSS_LID,
-    LOSS_NORMAL_WALL,
-    LOSS_ROLLING,
-    MASS,
-    ONSET,
-    ROLLING,
-    TANGENTIAL_DASHPOT,
+from graindamp.dem.block import (
+    ARM,
+    FORCE,
+    NX,
+    NY,
+    NZ,
+    OTHER_ARM,
+    OVERLAP,
+    RADIUS,
+    SPEED,
+    SWEEP,
+    TORQUE,
+    TURN,
+    add_losses,
+    block_forces,
+    clear_losses,
 )
-from graindamp.dem.compile import checked, inner
-from graindamp.dem.grip import begin, renew, speed_bin
-from graindamp.dem.laws import (
-    DASHPOT_SHARE,
-    FRICTION_SHARE,
-    SLIP_MASS,
-    NormalLaw,
-    TangentialLaw,
-    dashpot_of,
-    foam_force,
-    friction_smoothed,
-    normal_force,
-)
-from graindamp.dem.springs import rolling_torque, spring_force
+from graindamp.dem.columns import LANE, LOSS_LID, TOUCHED
+from graindamp.dem.compile import checked, inner, merged
+from graindamp.dem.laws import NormalLaw, foam_force
+from graindamp.dem.neighbours import keep, put_back, remember
 from graindamp.dem.walls import FOAM_FIRST, nearest
 from graindamp.status import Status
 
@@ -43,26 +35,17 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
     """Make the outer list of wall contacts of world w; those that touched at `step` keep their memory. Returns a
     status bit or 0.
 
-    Entries are sorted by particle, patch and element; the first entry of a patch holds the memory of all of them.
+    Entries are sorted by particle, patch and element.
     """
     position, skin = particles.position[w], rules.skin[w]
-    first, second, touched, home = touches.first[w], touches.second[w], touches.touched[w], touches.active[w]
+    first, second, grip = touches.first[w], touches.second[w], touches.grip[w]
     kind, shapes, patch, edges = walls.kind[w], walls.shape[w], walls.patch[w], walls.edges[w]
     grid, cell_start, cell_element = walls.grid[w], walls.cell_start[w], walls.cell_element[w]
     near, kept_first, kept_second = scratch.near[w], scratch.kept_first[w], scratch.kept_second[w]
-    n_plain, capacity = walls.n_plain[w], first.shape[0]
+    material, n_plain, capacity = walls.material[w], walls.n_plain[w], first.shape[0]
 
-    n_kept = 0
-    for p in range(touches.n_outer[w]):
-        if home[p] == p and touched[p] == step:
-            kept_first[n_kept], kept_second[n_kept] = first[p], second[p]
-            scratch.kept_onset[w, n_kept] = touches.grip[w, p, ONSET]
-            if rules.tangential[w] >= TangentialLaw.MINDLIN:
-                for c in range(4):
-                    scratch.kept_stretch[w, n_kept, c] = touches.stretch[w, p, c]
-            n_kept += 1
-
-    n_touch, n_found = 0, 0
+    n_kept = keep(w, step, touches, rules, scratch)
+    n_touch, n_found, n_active = 0, 0, 0
     for i in range(particles.n_particle[w]):
         x, y, z, radius = position[i, 0], position[i, 1], position[i, 2], position[i, 3]
         n_near, n_cell, cell = 0, 0, 0
@@ -84,65 +67,41 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
                 near[k] = e
                 n_near += 1
         if n_touch + n_near > capacity:
-            # What touches becomes the whole list, so that a longer list can take it over.
-            for k in range(n_kept):
-                first[k], second[k], home[k] = kept_first[k], kept_second[k], k
-                remember_touch(w, step, k, k, particles, touches, walls, rules, scratch)
-            touches.n_outer[w] = n_kept
+            put_back(w, step, n_kept, True, touches, particles, material, rules, scratch)
             return LISTS_FULL
         for k in range(n_near):
             e = near[k]
-            first[n_touch], second[n_touch], touched[n_touch] = i, e, -9
-            if k > 0 and patch[near[k - 1]] == patch[e]:
-                home[n_touch] = home[n_touch - 1]
-            else:
-                home[n_touch] = n_touch
+            first[n_touch], second[n_touch], grip[n_touch, TOUCHED] = i, e, -9.0
+            if k == 0 or patch[near[k - 1]] != patch[e]:
                 while n_found < n_kept and (
                     kept_first[n_found] < i or (kept_first[n_found] == i and patch[kept_second[n_found]] < patch[e])
                 ):
                     n_found += 1
                 if n_found < n_kept and kept_first[n_found] == i and patch[kept_second[n_found]] == patch[e]:
-                    remember_touch(w, step, n_found, n_touch, particles, touches, walls, rules, scratch)
+                    remember(w, step, n_found, n_touch, True, touches, particles, material, rules, scratch)
+                    touches.active[w, n_active] = n_touch
+                    n_active += 1
             n_touch += 1
+    touches.n_active[w] = n_active
     touches.n_outer[w] = n_touch
     return 0
 
 
-@checked
-def remember_touch(w, step, k, p, particles, touches, walls, rules, scratch):
-    """Give the contact set aside as number k to place p of the list."""
-    i, e = touches.first[w, p], touches.second[w, p]
-    touches.touched[w, p] = step
-    begin(
-        particles.material[w, i],
-        walls.material[w, e],
-        particles.position[w, i, 3],
-        0.0,
-        1.0 / particles.inverse_mass[w, i, 0],
-        0.0,
-        walls.law[w, e],
-        rules.pair[w],
-        rules.loss[w],
-        scratch.kept_onset[w, k],
-        touches.grip[w, p],
-    )
-    if rules.tangential[w] >= TangentialLaw.MINDLIN:
-        for c in range(4):
-            touches.stretch[w, p, c] = scratch.kept_stretch[w, k, c]
-
-
-@inner
+@merged
 def narrow_touches(w, particles, touches, walls, reach):
     """Make the inner list of wall contacts: plain elements nearer than `reach` to touching, and all elements of
-    meshes."""
+    meshes. Its places are those of the memories."""
     position = particles.position[w]
     first, second, inner = touches.first[w], touches.second[w], touches.inner[w]
-    kind, shapes, edges = walls.kind[w], walls.shape[w], walls.edges[w]
-    n_inner = 0
+    inner_first, inner_second = touches.inner_first[w], touches.inner_second[w]
+    kind, shapes, edges, patch = walls.kind[w], walls.shape[w], walls.edges[w], walls.patch[w]
+    n_inner, memory = 0, 0
     for p in range(touches.n_outer[w]):
         i, e = first[p], second[p]
+        if p > 0 and not (first[p - 1] == i and patch[second[p - 1]] == patch[e]):
+            memory = p
         radius = position[i, 3]
-        inner[n_inner] = p
+        inner[n_inner], inner_first[n_inner], inner_second[n_inner] = memory, i, e
         n_inner += (
             e >= walls.n_plain[w]
             or nearest(kind[e], shapes, e, edges, position[i, 0], position[i, 1], position[i, 2], radius)[0]
@@ -151,153 +110,84 @@ def narrow_touches(w, particles, touches, walls, reach):
     touches.n_inner[w] = n_inner
 
 
-@inner
-def wall_forces(w, step, particles, touches, walls, rules, record):
+@merged
+def wall_forces(w, step, particles, touches, walls, rules, record, scratch):
     """Add the forces and torques of the walls of world w on the particles, and sum up the forces on each wall."""
-    position, velocity, spin = particles.position[w], particles.velocity_next[w], particles.spin_next[w]
-    force, torque = particles.force[w], particles.torque[w]
-    inverse_mass, material = particles.inverse_mass[w], particles.material[w]
-    first, second, inner, home = touches.first[w], touches.second[w], touches.inner[w], touches.active[w]
-    touched, grips = touches.touched[w], touches.grip[w]
-    kind, shapes, edges, stuff = walls.kind[w], walls.shape[w], walls.edges[w], walls.material[w]
-    pair, loss, tangential, tension = rules.pair[w], rules.loss[w], rules.tangential[w], rules.tension[w]
-    time_step = rules.time_step[w]
+    b = scratch.buffer[w]
     wall_force = record.wall_force[w]
     for g in range(walls.n_group[w]):
         for c in range(3):
             wall_force[g, c] = 0.0
-    loss_normal, loss_friction, loss_lid, loss_rolling = 0.0, 0.0, 0.0, 0.0
-    n_touching = 0
-    done_particle, done_patch = -1, -1
-    for k in range(touches.n_inner[w]):
-        p = inner[k]
-        i, e = first[p], second[p]
-        patch = walls.patch[w, e]
-        if i == done_particle and patch == done_patch:
-            continue
+    touches.n_active[w] = 0
+    touches.n_soft[w] = 0
+    clear_losses(b)
+    k = 0
+    while k < touches.n_inner[w]:
+        start = touches.n_active[w]
+        k = gather_touches(w, k, particles, touches, walls, rules, record, b)
+        n = touches.n_active[w] - start
+        if n > 0:
+            block_forces(w, step, start, n, True, touches, particles, walls.material[w], rules, record, b)
+            scatter_touches(w, start, n, particles, touches, walls, record, b)
+    add_losses(w, True, rules.time_step[w], record, b)
+
+
+@merged
+def gather_touches(w, k, particles, touches, walls, rules, record, b):
+    """Append the touching entries of the inner list from place k on to the active list and write them into the
+    buffer, until it is full. Returns the place to go on from. Foam acts at once."""
+    position, seen = particles.position[w], particles.seen[w]
+    first, second, inner = touches.inner_first[w], touches.inner_second[w], touches.inner[w]
+    kind, shapes, edges, law = walls.kind[w], walls.shape[w], walls.edges[w], walls.law[w]
+    start = n_active = touches.n_active[w]
+    while k < touches.n_inner[w] and n_active < start + LANE:
+        i, e, p = first[k], second[k], inner[k]
+        k += 1
         radius = position[i, 3]
         distance, x, y, z = nearest(kind[e], shapes, e, edges, position[i, 0], position[i, 1], position[i, 2], radius)
         overlap = radius - distance
-        if overlap <= 0.0:
+        if overlap <= 0.0 or (n_active > 0 and touches.active[w, n_active - 1] == p):
             continue
-        done_particle, done_patch = i, patch
-        n_touching += 1
-        group = walls.group[w, e]
-        # The normal points to the particle: the rate of approach is minus the velocity along it.
-        rate = -(velocity[i, 0] * x + velocity[i, 1] * y + velocity[i, 2] * z)
-        p = home[p]
-        grip = grips[p]
-        law = walls.law[w, e]
-        if law == NormalLaw.FOAM:
-            shape = shapes[e]
-            a = FOAM_FIRST
-            normal, elastic = foam_force(
-                overlap, rate, shape[a], shape[a + 1], shape[a + 2], shape[a + 3], shape[a + 4]
-            )
-            loss_lid += (normal - elastic) * rate
-            force[i, 0] += normal * x
-            force[i, 1] += normal * y
-            force[i, 2] += normal * z
-            wall_force[group, 0] -= normal * x
-            wall_force[group, 1] -= normal * y
-            wall_force[group, 2] -= normal * z
+        if law[e] == NormalLaw.FOAM:
+            press_foam(w, i, e, overlap, x, y, z, particles, walls, rules, record)
+            touches.n_soft[w] += 1
             continue
-        a, b = material[i], stuff[e]
-        arm = radius - overlap
-        u = velocity[i, 0] + rate * x - arm * (spin[i, 1] * z - spin[i, 2] * y)
-        v = velocity[i, 1] + rate * y - arm * (spin[i, 2] * x - spin[i, 0] * z)
-        s = velocity[i, 2] + rate * z - arm * (spin[i, 0] * y - spin[i, 1] * x)
-        if touched[p] != step - 1:
-            begin(a, b, radius, 0.0, 1.0 / inverse_mass[i, 0], 0.0, law, pair, loss, rate, grip)
-            record.impact[w, 1, speed_bin(rate)] += 1
-            if tangential >= TangentialLaw.MINDLIN:
-                for c in range(4):
-                    touches.stretch[w, p, c] = 0.0
-        elif rate > grip[ONSET]:
-            renew(a, b, law, pair, loss, rate, grip)
-        touched[p] = step
-        record.extreme[w, 1] = max(record.extreme[w, 1], overlap)
-        limit = DASHPOT_SHARE * grip[MASS] / time_step
-        normal, elastic = normal_force(
-            law, overlap, rate, grip[GRIP_STIFFNESS], grip[DAMPING], grip[LEAST], limit, tension
-        )
-        loss_normal += (normal - elastic) * rate
-        if tangential == TangentialLaw.TANH:
-            slip = u * u + v * v + s * s
-            drag = friction_smoothed(
-                max(normal, 0.0),
-                grip[GRIP_FRICTION],
-                slip,
-                grip[GRIP_SMOOTHING],
-                FRICTION_SHARE * SLIP_MASS * grip[MASS] / time_step,
-            )
-            loss_friction += drag * slip
-            u, v, s = -drag * u, -drag * v, -drag * s
-        elif tangential == TangentialLaw.NONE:
-            u, v, s = 0.0, 0.0, 0.0
-        else:
-            shear = grip[GRIP_SHEAR] * sqrt(overlap) if tangential == TangentialLaw.MINDLIN else grip[GRIP_SHEAR]
-            dashpot = pair[a, b, TANGENTIAL_DASHPOT] * dashpot_of(law, overlap, elastic, grip[DAMPING], limit)
-            bound = grip[GRIP_FRICTION] * abs(normal)
-            # The slip in the middle of the step, which the spring grows by.
-            speed, turn = particles.velocity[w, i], particles.spin[w, i]
-            along = speed[0] * x + speed[1] * y + speed[2] * z
-            du = speed[0] - along * x - arm * (turn[1] * z - turn[2] * y)
-            dv = speed[1] - along * y - arm * (turn[2] * x - turn[0] * z)
-            ds = speed[2] - along * z - arm * (turn[0] * y - turn[1] * x)
-            memory = touches.stretch[w, p]
-            u, v, s, memory[0], memory[1], memory[2], lost = spring_force(
-                memory[0],
-                memory[1],
-                memory[2],
-                memory[3],
-                x,
-                y,
-                z,
-                u,
-                v,
-                s,
-                du,
-                dv,
-                ds,
-                shear,
-                dashpot,
-                bound,
-                time_step,
-            )
-            memory[3] = shear
-            loss_friction += lost
-        fx, fy, fz = normal * x + u, normal * y + v, normal * z + s
-        force[i, 0] += fx
-        force[i, 1] += fy
-        force[i, 2] += fz
-        wall_force[group, 0] -= fx
-        wall_force[group, 1] -= fy
-        wall_force[group, 2] -= fz
-        torque[i, 0] -= arm * (y * s - z * v)
-        torque[i, 1] -= arm * (z * u - x * s)
-        torque[i, 2] -= arm * (x * v - y * u)
-        if rules.rolling[w] != 0:
-            inertia = FRICTION_SHARE / (time_step * inverse_mass[i, 1])
-            tx, ty, tz, lost = rolling_torque(
-                x,
-                y,
-                z,
-                spin[i, 0],
-                spin[i, 1],
-                spin[i, 2],
-                max(normal, 0.0),
-                pair[a, b, ROLLING],
-                radius,
-                inertia,
-            )
-            torque[i, 0] += tx
-            torque[i, 1] += ty
-            torque[i, 2] += tz
-            loss_rolling += lost
-    touches.n_active[w] = n_touching
-    ledger = record.ledger[w]
-    ledger[LOSS_NORMAL_WALL] += loss_normal * time_step
-    ledger[LOSS_FRICTION_WALL] += loss_friction * time_step
-    ledger[LOSS_LID] += loss_lid * time_step
-    ledger[LOSS_ROLLING] += loss_rolling * time_step
+        m = n_active - start
+        q = 4 * m
+        touches.active[w, n_active], touches.active_first[w, n_active], touches.active_second[w, n_active] = p, i, e
+        b[RADIUS + m], b[OVERLAP + m], b[ARM + m], b[OTHER_ARM + m] = radius, overlap, distance, 0.0
+        # The normal of a wall points to the particle, that of a contact to the second body.
+        b[NX + m], b[NY + m], b[NZ + m] = -x, -y, -z
+        for c in range(4):
+            b[SPEED + q + c], b[SWEEP + q + c], b[TURN + q + c] = seen[i, c], distance * seen[i, 4 + c], 0.0
+        n_active += 1
+    touches.n_active[w] = n_active
+    return k
+
+
+@merged
+def scatter_touches(w, k, n, particles, touches, walls, record, b):
+    """Add forces and torques of a block to the particles, and the forces to those of the walls."""
+    load, wall_force, group = particles.load[w], record.wall_force[w], walls.group[w]
+    for m in range(n):
+        i, g = touches.active_first[w, k + m], group[touches.active_second[w, k + m]]
+        for c in range(3):
+            load[i, c] += b[FORCE + 4 * m + c]
+            load[i, 4 + c] += b[ARM + m] * b[TORQUE + 4 * m + c]
+            wall_force[g, c] -= b[FORCE + 4 * m + c]
+
+
+@inner
+def press_foam(w, i, e, overlap, x, y, z, particles, walls, rules, record):
+    """Add the force of foam on particle i, along the foam's normal (x, y, z), and what it dissipates to the ledger."""
+    seen, load, shape, a = particles.seen[w], particles.load[w], walls.shape[w, e], FOAM_FIRST
+    wall_force = record.wall_force[w, walls.group[w, e]]
+    rate = -(seen[i, 0] * x + seen[i, 1] * y + seen[i, 2] * z)
+    normal, elastic = foam_force(overlap, rate, shape[a], shape[a + 1], shape[a + 2], shape[a + 3], shape[a + 4])
+    load[i, 0] += normal * x
+    load[i, 1] += normal * y
+    load[i, 2] += normal * z
+    wall_force[0] -= normal * x
+    wall_force[1] -= normal * y
+    wall_force[2] -= normal * z
+    record.ledger[w, LOSS_LID] += (normal - elastic) * rate * rules.time_step[w]

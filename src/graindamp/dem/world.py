@@ -15,6 +15,7 @@ from graindamp.dem.state import (
     Rules,
     Walls,
     Worlds,
+    aligned,
     empty_contacts,
     empty_record,
     empty_scratch,
@@ -97,10 +98,8 @@ def world_of(
         position=np.ascontiguousarray(position, np.float64),
         velocity=np.ascontiguousarray(velocity, np.float64),
         spin=np.ascontiguousarray(spin, np.float64),
-        velocity_next=np.array(velocity, np.float64, order="C"),
-        spin_next=np.array(spin, np.float64, order="C"),
-        force=np.zeros((1, n, 4)),
-        torque=np.zeros((1, n, 4)),
+        seen=np.ascontiguousarray(np.concatenate([velocity, spin], axis=2), np.float64),
+        load=np.zeros((1, n, 8)),
         inverse_mass=np.ascontiguousarray(np.column_stack([1.0 / mass, 1.0 / inertia])[order][None]),
         material=np.ascontiguousarray(bed.material[order][None], np.int32),
         identity=np.ascontiguousarray(order[None], np.int32),
@@ -118,7 +117,7 @@ def world_of(
         stage=np.zeros(1, np.int64),
         status=np.zeros(1, np.int64),
     )
-    return Worlds(
+    worlds = Worlds(
         particles=particles,
         pairs=empty_contacts(1, capacity, with_stretch),
         touches=empty_contacts(1, int(TOUCHES_PER_PARTICLE * n) + 16, with_stretch),
@@ -139,6 +138,7 @@ def world_of(
         record=empty_record(1, len(enclosure.names), n_sample, stride, n_cycle),
         scratch=empty_scratch(1, n, walls.kind.shape[1], capacity, with_stretch),
     )
+    return aligned(worlds)
 
 
 def walls_of(enclosure: Enclosure, interactions: Interactions, reach: float, cell: float) -> Walls:
