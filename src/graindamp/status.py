@@ -32,6 +32,8 @@ class Status(IntFlag):
     INTERRUPTED = 4194304
     NOT_CONVERGED = 8388608
     BISTABLE = 16777216
+    NOT_COMPUTED = 33554432
+    NOT_COVERED = 67108864
 
 
 FATAL = (
@@ -49,6 +51,8 @@ FATAL = (
     | Status.NO_FORCE
     | Status.LISTS_FULL
     | Status.PARTICLE_LOST
+    | Status.NOT_COMPUTED
+    | Status.NOT_COVERED
 )
 """Bits whose operating point has no usable value."""
 
@@ -78,6 +82,8 @@ REMEDY: dict[Status, str] = {
     Status.INTERRUPTED: "the run was stopped before its end; the result is partial",
     Status.NOT_CONVERGED: "the standard error is above the tolerance at the limit of cycles; raise max_cycles or seeds",
     Status.BISTABLE: "the answer depends on where the bed started; both values are kept",
+    Status.NOT_COMPUTED: "the point has not been computed; run the campaign on, or retry what failed",
+    Status.NOT_COVERED: "the place lies outside the points that were simulated; add points there",
 }
 
 

@@ -170,8 +170,23 @@ def test_rules_as_documented():
     assert hop["loss_factor"] == pytest.approx(0.2399, abs=5e-5)
     wall = as_json("rules", "coating", "--frequency", "60 Hz", "--bed-length", "50 mm")
     assert wall["wall_modulus"] == pytest.approx(0.4398e6, rel=1e-3)  # standard gravity against 9.81
+    assert wall["n_line"] == 20
+    assert wall["clearance"] == pytest.approx(3.253e-3, rel=1e-3)  # likewise
+    assert wall["note"] == ""
+    assert as_json("rules", "coating", "--frequency", 60, "--particle-radius", "1.25 mm") == wall
     back = as_json("rules", "coating", "--wall-modulus", "0.72 MPa", "--n-line", 20)
     assert back["frequency"] == pytest.approx(70.7, abs=0.1)
+    both = as_json("rules", "coating", "--frequency", 60, "--wall-modulus", "0.72 MPa")
+    assert both["frequency_at_hand"] == back["frequency"]
+    assert both["wall_modulus_over_rule"] == pytest.approx(1.64, abs=5e-3)  # two digits: 64 % above
+    assert "500 Hz" in as_json("rules", "coating", "--wall-modulus", "55 MPa")["note"]
+    constants = ("--intensity", 2, "--speed-ratio", 1.3, "--compression-ratio", 0.8, "--bounce-intensity", "30 g")
+    adjusted = as_json("rules", "coating", "--frequency", 60, *constants)
+    change = 1.3**2 * 0.8**2.5 / 2**0.5
+    assert adjusted["wall_modulus"] / wall["wall_modulus"] == pytest.approx(
+        change, rel=1e-4
+    )  # 1e-5: the ball gives too
+    assert adjusted["clearance"] == pytest.approx(2 * wall["clearance"])
     gap = as_json("rules", "clearance", "--frequency", 60)
     assert gap["clearance"] == pytest.approx(3.253e-3, rel=1e-3)  # likewise
     same = as_json("rules", "clearance", "--clearance", f"{gap['clearance']} m")
@@ -192,7 +207,9 @@ def test_rules_as_documented():
         (("rules", "sliding", "--intensity", "1 kg", "--friction", "0.1"), ["--intensity", "[mass]"]),
         (("rules", "sliding", "--intensity", "1", "--friction", "0"), ["friction"]),
         (("rules", "sliding", "--intensity", "nan", "--friction", "0.1"), ["--intensity"]),
-        (("rules", "coating", "--frequency", "60"), ["n-line"]),
+        (("rules", "coating"), ["--frequency", "--wall-modulus"]),
+        (("rules", "coating", "--frequency", "60", "--particle-radius", "0 mm"), ["--particle-radius", "0 mm"]),
+        (("rules", "coating", "--frequency", "60", "--bed-length", "1 mm"), ["n_line", "0.4"]),
         (("rules", "clearance"), ["--frequency", "--clearance"]),
         (("rules", "efficiency", "--bed-mass", "1 kg"), ["--shape-squared", "--modal-mass"]),
         (("analyze", "nothing.h5"), ["nothing.h5"]),

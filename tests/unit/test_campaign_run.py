@@ -16,6 +16,7 @@ from graindamp.campaign.outlook import Outlook
 from graindamp.campaign.point import task_of
 from graindamp.campaign.run import field_in_store, run_field
 from graindamp.campaign.slurm import read_options
+from graindamp.campaign.softening import SofteningStudy
 from graindamp.campaign.store import Store
 from graindamp.errors import InputError
 from graindamp.field.schema import check
@@ -227,10 +228,28 @@ def test_a_point_by_the_engine(tmp_path):
 def test_the_surrogate_chooses_points_within_their_range(tmp_path):
     pytest.importorskip("sklearn")
     spec = field_spec(ADAPTIVE | {"start_frequencies": 3, "start_intensities": 3, "max_points": 14})
-    field = run(tmp_path, spec).field
-    assert 9 <= field.sizes["point"] <= 14
-    assert field["frequency"].min() >= 50
-    assert field["intensity"].max() <= 40 * (1 + 1e-12)  # rounding of the logarithm
+    found = run(tmp_path, spec)
+    assert 9 <= found.points.sizes["point"] <= 14
+    assert found.points["frequency"].min() >= 50
+    assert found.points["intensity"].max() <= 40 * (1 + 1e-12)  # rounding of the logarithm
+    # The field is what the surrogate predicts over the whole range, with an error everywhere.
+    assert found.field["loss_factor"].shape == (28, 15)
+    assert np.isfinite(found.field["loss_factor_se"]).all()
+    assert found.field.attrs["particle_steps"] == found.points["particle_steps"].sum()
+
+
+def test_a_softening_study_is_kept_with_the_field(tmp_path):
+    spec = field_spec(softening_study={"points": [[50, 1], [100, 20]], "factors": [1, 10, 100]})
+    found = run(tmp_path, spec)
+    study = SofteningStudy.load(found.field.attrs["softening_study"])
+    assert [(one.frequency, one.intensity) for one in study.points] == [(50, 1), (100, 20)]
+    assert study.points[0].loss_factor.value.shape == (3,)
+    # The field's own softening, 1, needs no run of its own.
+    assert found.n_point == 12 + 6
+    assert found.n_computed == 12 + 4
+    again = run(tmp_path, spec)
+    assert again.n_computed == 0
+    assert again.field.attrs == found.field.attrs
 
 
 @pytest.mark.parametrize(

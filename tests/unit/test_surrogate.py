@@ -195,7 +195,7 @@ def test_a_field_ends_where_the_points_end(surrogate):
         surrogate.field(*axes)
     marked = surrogate.field(*axes, outside="mark")
     np.testing.assert_array_equal(np.isnan(marked["loss_factor"]), [[True, True], [False, True]])
-    np.testing.assert_array_equal(marked["status"] == int(Status.NO_SOLUTION), np.isnan(marked["loss_factor"]))
+    np.testing.assert_array_equal(marked["status"] == int(Status.NOT_COVERED), np.isnan(marked["loss_factor"]))
     with pytest.raises(InputError, match="outside is 'guess'"):
         surrogate.field(*axes, outside="guess")
 

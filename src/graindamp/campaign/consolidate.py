@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from graindamp.campaign.point import PHYSICS, PointResult
+from graindamp.campaign.point import LOSSES, PHYSICS, PointResult
 from graindamp.errors import InputError
 from graindamp.field.schema import TABLE, make_field
 from graindamp.spec.field import FieldSpec, GridPlan
 from graindamp.status import FATAL, Status
 
-MISSING = Status.TOO_SHORT
+MISSING = Status.NOT_COMPUTED
 """Status of a point that has no result: it failed, or has not been run."""
 UNKNOWN_MODE = -1
 """Motion mode of a point that was not classified."""
@@ -93,11 +93,19 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
         "solid_fraction": _mean([one.solid_fraction for one in good]),
         "motion_mode": _mode(good),
         "status": _status(answers, good, bool(others)),
-    }
+    } | _shares(good)
     for name in ("loss_factor", "effective_mass_ratio"):
         row[name] = _mean([getattr(one, name) for one in good])
         row[f"{name}_se"] = _error([getattr(one, name) for one in good], [getattr(one, f"{name}_se") for one in good])
     return row
+
+
+def _shares(good: Sequence[PointResult]) -> dict[str, float]:
+    """Share of each mechanism in the power dissipated in all beds together; NaN where none is."""
+    power = [math.fsum(float(one.losses[k]) for one in good) for k in range(len(LOSSES))]
+    total = math.fsum(power)
+    names = (name.replace("loss_", "loss_share_", 1) for name in LOSSES)
+    return {name: value / total if total > 0.0 else math.nan for name, value in zip(names, power, strict=True)}
 
 
 def _mean(values: Sequence[float]) -> float:

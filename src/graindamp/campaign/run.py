@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
 from graindamp.campaign import work
@@ -14,17 +15,29 @@ from graindamp.campaign.executors import Executor
 from graindamp.campaign.hysteresis import Cell, Fetch, second_answers
 from graindamp.campaign.point import PointResult, PointTask
 from graindamp.campaign.runner import Runner, Watch, reasons
+from graindamp.campaign.softening import evaluate, study_tasks
 from graindamp.campaign.store import Store
 from graindamp.campaign.work import Measure
 from graindamp.errors import InputError
-from graindamp.spec.field import AdaptivePlan, FieldSpec, GridPlan
+from graindamp.field.schema import GRID as GRID_DIMENSIONS
+from graindamp.field.schema import damper_of, places_of
+from graindamp.spec.field import AdaptivePlan, FieldSpec, GridPlan, logarithmic
+
+GRID = (28, 15)
+"""Frequencies and intensities that the field of an adaptive plan is given at [-]."""
+
+FEWEST_POINTS = 6
+"""Points from which a surrogate is made [-]."""
 
 
 class FieldRun(NamedTuple):
     """A field and how it came about."""
 
     field: xr.Dataset
-    """The effective field; NaN with a status at points that failed."""
+    """The effective field; NaN with a status at points that failed. Of an adaptive plan what the surrogate predicts on
+    a grid, with its errors."""
+    points: xr.Dataset
+    """The points that were simulated; of grids and lists the field itself."""
     n_point: int
     """Runs that the field is made of, all beds and starts [-]."""
     n_computed: int
@@ -75,7 +88,10 @@ def run_field(
     try:
         if isinstance(spec.plan, AdaptivePlan):
             field = run_adaptive(field, runner, source)
-        return _outcome(field, runner)
+        outcome = _outcome(field, runner)
+        if spec.softening_study is not None:
+            outcome = _studied(outcome, field, runner, watch)
+        return outcome
     except BaseException:
         store.release()
         raise
@@ -114,7 +130,9 @@ def field_in_store(field: StoredField, store: Store) -> FieldRun:
         for key, task in tasks.items()
         if key in entries and entries[key].state == "failed"
     ]
-    return FieldRun(field_of(field.spec, answers), len(tasks), 0, tuple(failures), tuple(store.warnings))
+    points = field_of(field.spec, answers)
+    run = FieldRun(_predicted(field.spec, points), points, len(tasks), 0, tuple(failures), tuple(store.warnings))
+    return run if field.spec.softening_study is None else _with_study(run, field, fetch)
 
 
 def rest_tasks(field: StoredField) -> list[PointTask]:
@@ -128,8 +146,67 @@ def _outcome(field: StoredField, runner: Runner) -> FieldRun:
     if not any(answer.rest is not None and not answer.rest.failed for row in answers.values() for answer in row):
         why = "\n".join(failures[:10])
         raise InputError(f"{field.spec.title}: not one point has a usable value\n{why}")
-    dataset = field_of(field.spec, answers)
-    return FieldRun(dataset, runner.n_point, runner.n_computed, tuple(failures), tuple(runner.store.warnings))
+    points = field_of(field.spec, answers)
+    warnings = tuple(runner.store.warnings)
+    return FieldRun(
+        _predicted(field.spec, points), points, runner.n_point, runner.n_computed, tuple(failures), warnings
+    )
+
+
+def _predicted(spec: FieldSpec, points: xr.Dataset) -> xr.Dataset:
+    """Of an adaptive plan what the surrogate makes of its points on a grid, motion modes as at the nearest point; the
+    points themselves where they are too few or span no area, or of another plan."""
+    plan = spec.plan
+    if not isinstance(plan, AdaptivePlan) or points.sizes["point"] < FEWEST_POINTS:
+        return points
+    from graindamp.field.surrogate import Surrogate
+
+    f = logarithmic(*plan.frequency_range, GRID[0])
+    gamma = logarithmic(*plan.intensity_range, GRID[1])
+    try:
+        predicted = Surrogate(points, damper_of(points).get("clearance")).field(f, gamma, outside="mark")
+    except InputError:  # all in one line
+        return points
+    at = np.log(np.stack(places_of(predicted), axis=-1))
+    known = np.log(np.stack(places_of(points), axis=-1))
+    nearest = np.argmin(np.sum((at[:, :, None] - known) ** 2, axis=-1), axis=-1)
+    for name in ("motion_mode", "solid_fraction"):
+        if name in points:
+            predicted[name] = (GRID_DIMENSIONS, points[name].to_numpy()[nearest], points[name].attrs)
+    kept = ("damper", "spec", "graindamp_version", "physics", "seeds", "softening")
+    predicted.attrs |= {name: points.attrs[name] for name in kept}
+    predicted.attrs["particle_steps"] = float(points["particle_steps"].sum())
+    return predicted
+
+
+def _studied(run: FieldRun, field: StoredField, runner: Runner, watch: Watch | None) -> FieldRun:
+    """The same with the study of its softening, whose points are no part of the map."""
+    places = runner.outlook().places
+    aside = Runner(
+        runner.store,
+        runner.executor,
+        runner.how,
+        None if watch is None else lambda outlook: watch(outlook._replace(places=places)),
+    )
+    aside.stage = "softening study"
+    run = _with_study(run, field, aside.run)
+    failures = (*run.failures, *reasons(aside.failures))
+    n_point, n_computed = runner.n_point + aside.n_point, runner.n_computed + aside.n_computed
+    return run._replace(n_point=n_point, n_computed=n_computed, failures=failures)
+
+
+def _with_study(run: FieldRun, field: StoredField, fetch: Fetch) -> FieldRun:
+    """The same with the study among the attributes of the field, or a warning where results are missing."""
+    tasks = [task for row in study_tasks(field.spec, field.where) for task in row]
+    results = fetch(tasks)
+    missing = sum(task.key not in results for task in tasks)
+    if missing:
+        text = f"softening study: {missing} of {len(tasks)} runs are missing; it is left out of the field"
+        return run._replace(warnings=(*run.warnings, text))
+    study = evaluate(field.spec, lambda task: results[task.key], field.where).dump()
+    for dataset in (run.field, run.points):
+        dataset.attrs["softening_study"] = study
+    return run
 
 
 def _answers(field: StoredField, fetch: Fetch, runner: Runner | None = None) -> dict[Place, list[Answer]]:

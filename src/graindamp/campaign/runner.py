@@ -204,11 +204,15 @@ class Runner:
     def _tell(self, now: bool = False) -> None:
         if self._watch is None or (not now and time.monotonic() - self._told < POLL):
             return
+        self._watch(self.outlook())
+        self._told = time.monotonic()
+
+    def outlook(self) -> Outlook:
+        """What is known now."""
         states: dict[str, State] = dict.fromkeys(self._running.values(), "running")
         states |= dict.fromkeys(self._elsewhere & self._todo.keys(), "elsewhere")
         states |= dict.fromkeys(self.failures, "failed")
-        self._watch(outlook_of(self.stage, self._tasks, self.results, states, self._seconds_left()))
-        self._told = time.monotonic()
+        return outlook_of(self.stage, self._tasks, self.results, states, self._seconds_left())
 
     def _seconds_left(self) -> float | None:
         """From the cost of what is left, at the speed so far [s]; half of what is running counts as done."""

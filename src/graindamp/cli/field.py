@@ -97,13 +97,16 @@ def _run_one(
 
     with FieldProgress(target, spec.title, quiet=as_json) as progress:
         run = run_field(spec, store, crew, project=project, watch=progress, batch=batch)
-    _write(run.field, target)
+    points = _write_run(run, target)
     warn(run.warnings)
     warn(_failures(run.failures, store.folder))
     if not as_json:
         print(f"field    {target} ({run.n_point} runs, {run.n_computed} of them computed now)")
+        if points is not None:
+            print(f"points   {points}")
         print(f"map      {progress.picture}\npage     {progress.page}\nstore    {store.folder}")
-    return _document(run, target, store) | {"map": str(progress.picture), "page": str(progress.page)}
+    more = {"points": None if points is None else str(points), "map": str(progress.picture), "page": str(progress.page)}
+    return _document(run, target, store) | more
 
 
 @campaign.command()
@@ -167,7 +170,7 @@ def export(
     with Store(store, create=False) as opened:
         run = field_in_store(_choose(fields_of(opened), name, store), opened)
         document = _document(run, output, opened)
-    _write(run.field, output)
+    document |= {"points": str(points) if (points := _write_run(run, output)) else None}
     warn(run.warnings)
     warn(_failures(run.failures, store))
     if as_json:
@@ -204,6 +207,16 @@ def _check_suffix(target: Path) -> None:
 
     if target.suffix not in SUFFIXES:
         raise InputError(f"--output: given '{target}'; a field file ends in {' or '.join(SUFFIXES)}")
+
+
+def _write_run(run: "FieldRun", target: Path) -> Path | None:
+    """Write the field, and of an adaptive plan the points it was made from; their file, or None."""
+    _write(run.field, target)
+    if run.points is run.field:
+        return None
+    points = target.with_name(f"{target.stem}.points{target.suffix}")
+    _write(run.points, points)
+    return points
 
 
 def _write(field: Any, target: Path) -> None:
@@ -268,7 +281,7 @@ def _choose(fields: list["StoredField"], name: str | None, store: Path) -> "Stor
 def _document(run: "FieldRun", target: Path, store: "Store") -> dict[str, Any]:
     import numpy as np
 
-    usable = np.isfinite(run.field["loss_factor"].to_numpy())
+    usable = np.isfinite(run.points["loss_factor"].to_numpy())
     return {
         "field": str(target),
         "store": str(store.folder),
@@ -276,7 +289,7 @@ def _document(run: "FieldRun", target: Path, store: "Store") -> dict[str, Any]:
         "usable": int(usable.sum()),
         "runs": run.n_point,
         "computed": run.n_computed,
-        "particle_steps": float(run.field["particle_steps"].sum()),
+        "particle_steps": float(run.points["particle_steps"].sum()),
         "failed": list(run.failures),
         "warnings": list(run.warnings),
     }

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 import graindamp
+from graindamp.cli.decay import decay
 from graindamp.cli.field import register_field
 from graindamp.cli.options import AsJson, print_json, progress_of, read_option, warn
 from graindamp.cli.rules import rules
@@ -246,6 +247,7 @@ def show(
 
 register(app)
 register_field(app)
+app.command()(decay)
 
 if __name__ == "__main__":
     main()

@@ -110,35 +110,78 @@ def rules_bouncing_vertical(
 @rules.command("coating")
 def rules_coating(
     frequency: Annotated[Text, typer.Option(help="Design frequency [Hz]: gives the wall's modulus.")] = None,
-    wall_modulus: Annotated[Text, typer.Option(help="Modulus of the coating [Pa]: gives its frequency.")] = None,
-    n_line: Annotated[float | None, typer.Option(help="Particles in line along the motion [-].")] = None,
-    bed_length: Annotated[Text, typer.Option(help="Length of the bed [m], in place of n-line.")] = None,
-    radius: Annotated[str, typer.Option(help="Particle radius [m].")] = "1.25 mm",
+    wall_modulus: Annotated[
+        Text,
+        typer.Option(
+            help="Modulus of a coating at hand [Pa]: gives its frequency; with frequency, judged by the rule."
+        ),
+    ] = None,
+    particle_radius: Annotated[
+        str, typer.Option("--particle-radius", "--radius", help="Particle radius [m].")
+    ] = "1.25 mm",
+    bed_length: Annotated[str, typer.Option(help="Length of the bed along the motion [m].")] = "50 mm",
+    n_line: Annotated[
+        float | None, typer.Option(help="Particles in line along the motion [-], in place of bed-length.")
+    ] = None,
     density: Annotated[str, typer.Option(help="Particle density [kg/m^3].")] = "7900 kg/m^3",
     youngs_modulus: Annotated[str, typer.Option(help="Particle Young's modulus [Pa].")] = "208 GPa",
     poisson: Annotated[float, typer.Option(help="Particle Poisson's ratio [-].")] = 0.3,
     wall_poisson: Annotated[float, typer.Option(help="Wall Poisson's ratio [-].")] = 0.5,
+    intensity: Annotated[str, typer.Option(help="Intensity for the coating [-], or an acceleration.")] = "1",
+    bounce_intensity: Annotated[str, typer.Option(help="Intensity for the clearance [-], or an acceleration.")] = "15",
+    speed_ratio: Annotated[float, typer.Option(help="Impact speed over the container's amplitude [-].")] = 1.0,
+    compression_ratio: Annotated[float, typer.Option(help="Stroke over compression of the coating [-].")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Modulus of an elastic wall coating that makes the bed bounce in resonance at low intensity."""
+    """Elastic coating of the end walls that makes the bed efficient at low intensity, and the clearance that goes with
+    it. Defaults are the damper that the rule was tested with.
+    """
     from math import pi
 
-    from graindamp.design.rules import coating_frequency, coating_modulus
+    from graindamp.design.rules import clearance_for, coating_frequency, coating_modulus
 
-    r = need_option("radius", radius, "m")
-    if n_line is None:
-        n_line = need_option("n-line or --bed-length", bed_length, "m") / (2 * r)
+    r = need_option("particle-radius", particle_radius, "m")
+    length = need_option("bed-length", bed_length, "m")
+    if r <= 0:
+        raise InputError(f"--particle-radius: given '{particle_radius}'; a radius above 0 is needed")
+    line = length / (2 * r) if n_line is None else n_line
     mass = 4 / 3 * pi * r**3 * need_option("density", density, "kg/m^3")
-    rest = (n_line, mass, r, need_option("youngs-modulus", youngs_modulus, "Pa"), poisson, wall_poisson)
-    if (frequency is None) == (wall_modulus is None):
-        raise InputError("give either --frequency or --wall-modulus")
+    particles = (line, mass, r, need_option("youngs-modulus", youngs_modulus, "Pa"), poisson, wall_poisson)
+    level = read_intensity("intensity", intensity) or 0.0
+    if frequency is None and wall_modulus is None:
+        raise InputError("give --frequency, --wall-modulus, or both")
+    at_hand = None
+    if wall_modulus is not None:
+        at_hand = coating_frequency(
+            need_option("wall-modulus", wall_modulus, "Pa"),
+            *particles,
+            intensity=level,
+            speed_ratio=speed_ratio,
+            compression_ratio=compression_ratio,
+        )
+    rule = at_hand
     if frequency is not None:
-        rule = coating_modulus(need_option("frequency", frequency, "Hz"), *rest)
-    else:
-        rule = coating_frequency(need_option("wall-modulus", wall_modulus, "Pa"), *rest)
-    units = {"wall_modulus": "Pa", "effective_modulus": "Pa", "frequency": "Hz"}
-    document = rule._asdict() | {"n_line": n_line, "particle_mass": mass}
-    _rule(document, units | {"particle_mass": "kg"}, "Meyer & Seifried (2023), Eqs 14, 20", as_json)
+        rule = coating_modulus(
+            need_option("frequency", frequency, "Hz"),
+            *particles,
+            intensity=level,
+            speed_ratio=speed_ratio,
+            compression_ratio=compression_ratio,
+        )
+    assert rule is not None
+    room = clearance_for(rule.frequency, read_intensity("bounce-intensity", bounce_intensity) or 0.0)
+    units = {"wall_modulus": "Pa", "effective_modulus": "Pa", "frequency": "Hz", "n_line": "-", "particle_mass": "kg"}
+    units |= {"clearance": "m", "stroke": "m", "wall_modulus_at_hand": "Pa", "frequency_at_hand": "Hz"}
+    document = rule._asdict() | {"n_line": line, "particle_mass": mass, "clearance": room.clearance}
+    document["stroke"] = room.stroke
+    limits = rule.limits
+    if at_hand is not None and at_hand is not rule:
+        document |= {"wall_modulus_at_hand": at_hand.wall_modulus, "frequency_at_hand": at_hand.frequency}
+        document["wall_modulus_over_rule"] = at_hand.wall_modulus / rule.wall_modulus
+        units["wall_modulus_over_rule"] = "-"
+        limits = limits or at_hand.limits
+    document["note"] = limits
+    _rule(document, units, "Meyer & Seifried (2023), Eqs 11, 14, 20, 21", as_json)
 
 
 @rules.command("clearance")

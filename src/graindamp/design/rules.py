@@ -14,6 +14,9 @@ from graindamp.units import STANDARD_GRAVITY
 COATING_FREQUENCY_LIMIT = 100.0
 """Frequency above which the coating rule is an extrapolation [Hz]: a 55 MPa wall, by rule for 300 Hz, gave 500 Hz."""
 
+COATING_FREQUENCIES_TESTED = (50.0, 80.0)
+"""Lowest and highest frequency that coatings were designed and tested for [Hz]: Meyer & Seifried (2023), Table 3."""
+
 
 class StrokeRule(NamedTuple):
     """Strokes at which a bed of a given clearance collects and collides."""
@@ -50,6 +53,21 @@ class CoatingRule(NamedTuple):
     """Design frequency [Hz]."""
     extrapolated: bool
     """True above :data:`COATING_FREQUENCY_LIMIT`, where experiments contradict the rule."""
+
+    @property
+    def limits(self) -> str:
+        """What tests say about the rule at this frequency; empty within :data:`COATING_FREQUENCIES_TESTED`."""
+        low, high = COATING_FREQUENCIES_TESTED
+        if self.extrapolated:
+            return (
+                f"above {COATING_FREQUENCY_LIMIT:g} Hz tests contradict the rule: a coating of 55 MPa, by rule for "
+                "300 Hz, was best at about 500 Hz"
+            )
+        if self.frequency > high:
+            return (
+                f"tested from {low:g} to {high:g} Hz; a coating of 1.4 MPa, by rule for 88 Hz, was best around 100 Hz"
+            )
+        return f"tested from {low:g} to {high:g} Hz only" if self.frequency < low else ""
 
 
 class DampingRule(NamedTuple):

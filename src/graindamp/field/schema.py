@@ -47,6 +47,12 @@ TABLE: dict[str, Variable] = {
     "effective_mass_ratio_other": Variable("1", "effective mass ratio of the second answer, NaN elsewhere", False),
     "solid_fraction": Variable("1", "solid fraction of the packed bed", False),
     "motion_mode": Variable("1", "motion mode, -1 where it is unknown", False, "int"),
+    "loss_share_normal": Variable("1", "share of normal damping between particles in all that is dissipated", False),
+    "loss_share_friction": Variable("1", "share of friction between particles in all that is dissipated", False),
+    "loss_share_normal_wall": Variable("1", "share of normal damping at walls in all that is dissipated", False),
+    "loss_share_friction_wall": Variable("1", "share of friction at walls in all that is dissipated", False),
+    "loss_share_lid": Variable("1", "share of foam in all that is dissipated", False),
+    "loss_share_rolling": Variable("1", "share of rolling resistance in all that is dissipated", False),
     "particle_steps": Variable("1", "particles times time steps that the point cost", False),
 }
 COORDINATES = ("frequency", "intensity")

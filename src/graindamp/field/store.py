@@ -30,6 +30,7 @@ _ALIASES: dict[str, tuple[str, ...]] = {
     "measured_intensity": ("measuredintensity",),
     "effective_mass_modulus_ratio": ("effectivemassmodulusratio",),
 }
+_ALIASES |= {name: (name.replace("_", ""),) for name in TABLE if name not in _ALIASES}
 
 
 def write_field(field: xr.Dataset, path: str | Path) -> None:

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from graindamp.errors import InputError
 from graindamp.field.schema import check, make_field, places_of
 from graindamp.field.theory import collect_and_collide, stroke_ratio_best, stroke_ratio_max
-from graindamp.status import FATAL
+from graindamp.status import FATAL, Status
 from graindamp.units import STANDARD_GRAVITY
 
 Real = NDArray[np.float64]
@@ -250,7 +250,7 @@ class Surrogate:
             frequency: [Hz], ascending, shape (frequency,).
             intensity: Gamma [-], ascending, shape (intensity,).
             outside: "refuse" raises where the grid leaves the convex hull of the points in ln f, ln Gamma; "mark" gives
-                NaN and Status.NO_SOLUTION there.
+                NaN and Status.NOT_COVERED there.
 
         Raises:
             InputError: an unknown policy, a grid outside the points, or one outside altogether.
@@ -275,7 +275,11 @@ class Surrogate:
             mass,
             self.bed_mass,
             source=f"Gaussian process surrogate of {len(self.frequency)} points ({self.source})",
-            variables={"loss_factor_se": eta_se, "effective_mass_ratio_se": mass_se},
+            variables={
+                "loss_factor_se": eta_se,
+                "effective_mass_ratio_se": mass_se,
+                "status": np.where(covered, 0, int(Status.NOT_COVERED)),
+            },
         )
 
     def covers(self, frequency: ArrayLike, intensity: ArrayLike) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ class Record(NamedTuple):
 
     force: NDArray[np.float64]
     """Force exerted ON the container by what drives it [N], container inertia included, positive along the motion's
-    positive direction. Shape (sample,)."""
+    positive direction. Shape (sample,); (0,) where the motion alone was read."""
     motion: NDArray[np.float64]
     """Velocity [m/s], acceleration [m/s^2] or displacement [m] of the container. Shape (sample,)."""
     motion_kind: MotionKind

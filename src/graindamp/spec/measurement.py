@@ -25,6 +25,8 @@ class ChannelsSpec(Spec):
     """-1 when the sensor's positive force points against the positive motion (compression positive), else 1."""
     sampling_rate: Frequency | None = None
     """Samples per second [Hz], > 0; default: as the file says or its time column."""
+    with_force: bool = True
+    """False where the motion alone is read and no force looked for, as of a free decay; default true."""
 
 
 class MeasurementSpec(Spec):

@@ -107,15 +107,34 @@ def choose(channels: Collection[Channel], spec: ChannelsSpec, place: str) -> tup
     if kind is None and not problems:
         problems.append(f"what '{motions[0].name}' measures is not told by its name or unit")
     if problems or kind is None:
-        listed = ", ".join(
-            f"'{channel.name}'" + (f" in {channel.unit}" if channel.unit else "") for channel in channels
-        )
         raise InputError(
-            f"{place}: {'; '.join(problems)}. Channels found: {listed}. Say which is which in the "
+            f"{place}: {'; '.join(problems)}. Channels found: {_listed(channels)}. Say which is which in the "
             'description: [channels] force = "<name>", motion = "<name>", '
             'motion_kind = "velocity" (or "acceleration", "displacement")'
         )
     return forces[0], motions[0], kind
+
+
+def choose_motion(channels: Collection[Channel], spec: ChannelsSpec, place: str) -> tuple[Channel, MotionKind]:
+    """The motion and what it is, of a run that needs no force.
+
+    A kind in the description settles what the one channel without any tells.
+
+    Raises:
+        InputError: missing or ambiguous; the message lists the channels and the keys that settle it.
+    """
+    motions = motion_candidates(channels, spec)
+    if not motions and spec.motion is None and spec.motion_kind:
+        motions = [channel for channel in channels if channel.kind is None]
+    problems = _problem(motions, channels, spec.motion, spec.motion_kind or "motion")
+    kind = (spec.motion_kind or _motion_kind(motions[0], spec.motion_unit)) if motions else None
+    if problems or kind is None:
+        problems = problems or [f"what '{motions[0].name}' measures is not told by its name or unit"]
+        raise InputError(
+            f"{place}: {'; '.join(problems)}. Channels found: {_listed(channels)}. Say which it is in the "
+            'description: [channels] motion = "<name>", motion_kind = "velocity" (or "acceleration", "displacement")'
+        )
+    return motions[0], kind
 
 
 def si_values(channel: Channel, kind: Kind, unit: str | None, option: str, place: str) -> NDArray[np.float64]:
@@ -155,6 +174,10 @@ def _problem(found: list[Channel], channels: Iterable[Channel], name: str | None
         return [f"{len(found)} channels are called '{name}' ({names})"]
     near = difflib.get_close_matches(name, [channel.name for channel in channels], n=1, cutoff=0.5)
     return [f"no channel is called '{name}' (the {role})" + (f", nearest is '{near[0]}'" if near else "")]
+
+
+def _listed(channels: Iterable[Channel]) -> str:
+    return ", ".join(f"'{channel.name}'" + (f" in {channel.unit}" if channel.unit else "") for channel in channels)
 
 
 def _motion_kind(motion: Channel, unit: str | None) -> MotionKind | None:

@@ -10,6 +10,7 @@ from graindamp.signals.readers.channels import (
     Channel,
     candidates,
     choose,
+    choose_motion,
     force_candidates,
     motion_candidates,
     si_values,
@@ -45,16 +46,26 @@ def records_of(runs: Iterable[Run], spec: ChannelsSpec, path: object) -> list[Re
     """
     runs = [run for run in runs if run.channels]
     if not runs:
-        raise InputError(f"{path}: holds no signals; a record needs a force and a motion, each an array of samples")
-    signals = [run for run in runs if force_candidates(run.channels, spec) or motion_candidates(run.channels, spec)]
+        needed = "a force and a motion, each" if spec.with_force else "a motion,"
+        raise InputError(f"{path}: holds no signals; a record needs {needed} an array of samples")
+    signals = [
+        run
+        for run in runs
+        if (spec.with_force and force_candidates(run.channels, spec)) or motion_candidates(run.channels, spec)
+    ]
     return [_record(run, spec) for run in signals or runs[:1]]
 
 
 def _record(run: Run, spec: ChannelsSpec) -> Record:
-    force, motion, kind = choose(run.channels, spec, run.place)
+    if spec.with_force:
+        force, motion, kind = choose(run.channels, spec, run.place)
+        force_values = si_values(force, "force", spec.force_unit, "force_unit", run.place) * spec.force_sign
+    else:
+        motion, kind = choose_motion(run.channels, spec, run.place)
+        force, force_values = motion, np.empty(0)
     sampling_rate, motion_rate = _rates(run, force, motion, spec)
     return Record(
-        force=si_values(force, "force", spec.force_unit, "force_unit", run.place) * spec.force_sign,
+        force=force_values,
         motion=si_values(motion, kind, spec.motion_unit, "motion_unit", run.place),
         motion_kind=kind,
         sampling_rate=sampling_rate,

@@ -54,12 +54,29 @@ def read_lines(path: Path) -> list[Line]:
     return [Line(number, line.strip(" ")) for number, line in numbered if line.strip()]
 
 
-def find_style(lines: list[Line], path: Path) -> Style:
+def find_style(lines: list[Line], path: Path, may_be_single: bool = False) -> Style:
     """Delimiter, decimal mark and number of columns under which most lines are rows of numbers.
 
+    Args:
+        lines: of the file.
+        path: to open messages.
+        may_be_single: whether one column will do where no delimiter makes more of them.
+
     Raises:
-        InputError: no delimiter makes rows of two or more numbers.
+        InputError: no delimiter makes rows of as many numbers as needed.
     """
+    best = _best_style(lines, 2) or (_best_style(lines, 1) if may_be_single else None)
+    if best is None:
+        needed = "numbers found" if may_be_single else "numbers with two or more columns found"
+        signals = "the motion" if may_be_single else "force and motion each"
+        raise InputError(
+            f"{path}: no table of {needed}; expected rows such as '0.0001;0.0550;249.1' "
+            f"(delimiter ; tab , or white space), {signals} in a column"
+        )
+    return best
+
+
+def _best_style(lines: list[Line], least_columns: int) -> Style | None:
     sample = lines[:: len(lines) // 500 + 1] + lines[-1:]
     best, n_best = None, 0
     for delimiter, decimal in _STYLES:
@@ -70,13 +87,8 @@ def find_style(lines: list[Line], path: Path) -> Style:
             if _is_numeric(cells, decimal):
                 counts[len(cells)] += 1
         n_column, n_row = max(counts.items(), key=lambda item: item[1], default=(0, 0))
-        if n_column >= 2 and n_row > n_best:
+        if n_column >= least_columns and n_row > n_best:
             best, n_best = Style(delimiter, decimal, n_column), n_row
-    if best is None:
-        raise InputError(
-            f"{path}: no table of numbers with two or more columns found; expected rows such as '0.0001;0.0550;249.1' "
-            "(delimiter ; tab , or white space), force and motion each in a column"
-        )
     return best
 
 

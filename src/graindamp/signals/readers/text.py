@@ -40,7 +40,7 @@ def read_text(path: Path, spec: ChannelsSpec) -> list[Record]:
             contradictory or ambiguous.
     """
     lines = read_lines(path)
-    style = find_style(lines, path)
+    style = find_style(lines, path, may_be_single=not spec.with_force)
     start = first_row(lines, style)
     rows = [line for line in lines[start:] if not line.text.startswith(COMMENT)]
     header = [line._replace(text=line.text.lstrip("#% ")) for line in lines[:start]]

@@ -38,10 +38,14 @@ _KEYS: tuple[Callable[[TimeRecord], tuple[Hashable, ...]], ...] = (
 def paired_runs(records: list[TimeRecord], spec: ChannelsSpec, path: Path) -> list[Run]:
     """A run for each force record with its motion record, by id lines and response node, else by order.
 
+    Where no force is asked for, a run for each motion record.
+
     Raises:
         InputError: force or motion missing, numbers that do not pair, or a pair along different axes.
     """
     channels = [record.channel for record in records]
+    if not spec.with_force:
+        return _single_runs(records, spec, path)
     chosen_forces = {id(channel) for channel in force_candidates(channels, spec)}
     chosen_motions = {id(channel) for channel in motion_candidates(channels, spec)}
     forces = [record for record in records if id(record.channel) in chosen_forces]
@@ -59,6 +63,23 @@ def paired_runs(records: list[TimeRecord], spec: ChannelsSpec, path: Path) -> li
         )
     return [
         _run(force, motion, i if len(pairs) > 1 else None, spec, path) for i, (force, motion) in enumerate(pairs, 1)
+    ]
+
+
+def _single_runs(records: list[TimeRecord], spec: ChannelsSpec, path: Path) -> list[Run]:
+    """A run for each motion record; of all where none is told, so that the message lists them."""
+    chosen = {id(channel) for channel in motion_candidates([record.channel for record in records], spec)}
+    motions = [record for record in records if id(record.channel) in chosen]
+    return [
+        Run(
+            channels=(motion.channel,),
+            facts={},
+            label=path.stem if len(motions) == 1 else f"{path.stem}:{i}",
+            source=f"{path.name}:record {motion.number}",
+            place=f"{path}: record {motion.number}",
+            rate_hint="export with even spacing and an abscissa increment",
+        )
+        for i, motion in enumerate(motions or records, 1)
     ]
 
 
