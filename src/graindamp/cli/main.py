@@ -13,6 +13,7 @@ import typer
 import graindamp
 from graindamp.cli.decay import decay
 from graindamp.cli.field import register_field
+from graindamp.cli.impact import register_impact
 from graindamp.cli.options import AsJson, print_json, progress_of, read_option, warn
 from graindamp.cli.rules import rules
 from graindamp.cli.simulate import register
@@ -28,6 +29,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.add_typer(rules, name="rules")
+register_impact(rules)
 
 
 def main() -> None:

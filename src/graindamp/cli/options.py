@@ -76,3 +76,21 @@ def warn(lines: list[str] | tuple[str, ...]) -> None:
     """Warnings on the error stream, a line each."""
     for line in lines:
         print(f"warning: {line}", file=sys.stderr)
+
+
+def show_rule(document: dict[str, Any], units: dict[str, str], source: str, as_json: bool) -> None:
+    """A rule's answer: JSON, or one line per value with its unit and the source."""
+    from graindamp.report.wording import plain
+
+    if as_json:
+        from graindamp.report.document import plain as as_plain
+
+        print_json(as_plain(document | {"units": units, "source": source}))
+        return
+    width = max(24, *(len(key) for key in document))
+    for key, value in document.items():
+        if value == "":
+            continue
+        text = plain(value, 5, units.get(key, "")) if isinstance(value, float) else str(value)
+        print(f"{key.replace('_', ' '):{width}s} {text}")
+    print(f"{'source':{width}s} {source}")

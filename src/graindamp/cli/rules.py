@@ -1,10 +1,10 @@
 """`graindamp rules`: closed forms and design formulas, each with its source."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from graindamp.cli.options import AsJson, need_option, print_json, read_intensity
+from graindamp.cli.options import AsJson, need_option, read_intensity, show_rule
 from graindamp.errors import InputError
 from graindamp.units import STANDARD_GRAVITY
 
@@ -13,23 +13,6 @@ rules = typer.Typer(
     rich_markup_mode=None,
     help="Closed-form rules: fields of idealised beds, and design formulas.",
 )
-
-
-def _rule(document: dict[str, Any], units: dict[str, str], source: str, as_json: bool) -> None:
-    """A rule's answer: JSON, or one line per value with its unit and the source."""
-    from graindamp.report.wording import plain
-
-    if as_json:
-        from graindamp.report.document import plain as as_plain
-
-        print_json(as_plain(document | {"units": units, "source": source}))
-        return
-    for key, value in document.items():
-        if value == "":
-            continue
-        text = plain(value, 5, units.get(key, "")) if isinstance(value, float) else str(value)
-        print(f"{key.replace('_', ' '):24s} {text}")
-    print(f"{'source':24s} {source}")
 
 
 Text = str | None
@@ -77,7 +60,7 @@ def rules_bouncing(
         "note": note,
     }
     source = "exact for one body without gravity; optimum of Bannerman et al. (2011) and Sack et al. (2013)"
-    _rule(document, _DIMENSIONLESS, source, as_json)
+    show_rule(document, _DIMENSIONLESS, source, as_json)
 
 
 @rules.command("sliding")
@@ -90,7 +73,7 @@ def rules_sliding(
     from graindamp.field import theory
 
     point = theory.sliding_bed(read_intensity("intensity", intensity) or 0.0, need_option("friction", friction, ""))
-    _rule(
+    show_rule(
         point._asdict(), dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-"), "docs: theory, sliding", as_json
     )
 
@@ -104,7 +87,7 @@ def rules_bouncing_vertical(
     from graindamp.field import theory
 
     point = theory.bouncing_bed_vertical(read_intensity("intensity", intensity) or 0.0)
-    _rule(point._asdict(), _DIMENSIONLESS, "exact for one plastic body on a shaken floor under gravity", as_json)
+    show_rule(point._asdict(), _DIMENSIONLESS, "exact for one plastic body on a shaken floor under gravity", as_json)
 
 
 @rules.command("coating")
@@ -181,7 +164,7 @@ def rules_coating(
         units["wall_modulus_over_rule"] = "-"
         limits = limits or at_hand.limits
     document["note"] = limits
-    _rule(document, units, "Meyer & Seifried (2023), Eqs 11, 14, 20, 21", as_json)
+    show_rule(document, units, "Meyer & Seifried (2023), Eqs 11, 14, 20, 21", as_json)
 
 
 @rules.command("clearance")
@@ -202,7 +185,7 @@ def rules_clearance(
     else:
         rule = frequency_for(need_option("clearance", clearance, "m"), level)
     units = {"clearance": "m", "stroke": "m", "frequency": "Hz", "intensity": "-"}
-    _rule(rule._asdict(), units, "Meyer & Seifried (2023), Eqs 11, 21", as_json)
+    show_rule(rule._asdict(), units, "Meyer & Seifried (2023), Eqs 11, 21", as_json)
 
 
 @rules.command("efficiency")
@@ -228,4 +211,4 @@ def rules_efficiency(
         squared = 1 / mass
     rule = efficiency_damping_ratio(squared, need_option("bed-mass", bed_mass, "kg"), loss_factor, effective_mass_ratio)
     units = dict.fromkeys(("damping_ratio", "specific_damping", "mass_ratio"), "-")
-    _rule(rule._asdict(), units, "Meyer & Seifried (2021), Eq. 18", as_json)
+    show_rule(rule._asdict(), units, "Meyer & Seifried (2021), Eq. 18", as_json)
