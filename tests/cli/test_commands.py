@@ -135,9 +135,9 @@ def test_prediction_and_its_files(field, tmp_path):
 
 
 @pytest.mark.slow
-def test_demo(tmp_path):
+def test_demo_on_measured_signals(tmp_path):
     """The main job; its numbers are those of shipped data and may change only with the method."""
-    document = as_json("demo", "--out", tmp_path / "demo")
+    document = as_json("demo", "--measured", "--out", tmp_path / "demo")
     states = {(m["number"], m["force"]): m["equilibria"] for m in document["modes"]}
     assert len(states) == 12
     assert all(len(state) == 1 and state[0]["is_stable"] for state in states.values())
@@ -151,6 +151,37 @@ def test_demo(tmp_path):
     assert max(eta, key=eta.get) == (63.0, 40.0)
     again = as_json("predict", tmp_path / "demo" / "project.toml")
     assert again["modes"] == document["modes"]
+
+
+@pytest.mark.slow
+def test_demo(tmp_path, monkeypatch):
+    """The demo's damper with a fifth of its spheres and few points, through the whole main job."""
+    from graindamp.report import demo
+
+    copied = demo._copied
+
+    def smaller(name, target):
+        text = copied(name, target).read_text()
+        for given, other in (
+            ("count = 300", "count = 60"),
+            ('radius = "15 mm"', 'radius = "9 mm"'),
+            ("max_points = 44", "max_points = 18"),
+            ("tolerance = 0.04", "tolerance = 0.2"),
+        ):
+            assert name != "demo-damper.toml" or given in text
+            text = text.replace(given, other)
+        target.write_text(text)
+        return target
+
+    monkeypatch.setattr(demo, "_copied", smaller)
+    _, _, document = demo.run_demo(tmp_path, lambda text: None)
+    assert len(document["modes"]) == 12
+    assert document["simulation"]["points"] == document["simulation"]["computed"] == 18
+    assert (tmp_path / "motion.gif").read_bytes()[:6] == b"GIF89a"
+    page = (tmp_path / "report.html").read_text()
+    assert "data:image/gif;base64," in page
+    assert page.index("Simulated operating points") < page.index("Damping at resonance")
+    assert json.loads((tmp_path / "result.json").read_text())["simulation"] == document["simulation"]
 
 
 def test_rules_as_documented():

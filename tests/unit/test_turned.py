@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from field_made import field_document
 from numpy.testing import assert_array_equal
 
+from field_made import field_document
 from graindamp.dem import engine
 from graindamp.dem.container import enclosure_of
 from graindamp.dem.energy import velocity_now

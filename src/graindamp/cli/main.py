@@ -75,13 +75,16 @@ def _top(
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for report and figures.")] = Path("graindamp-demo"),
+    measured: Annotated[
+        bool, typer.Option("--measured", help="Analyse the shipped signals of a shaken damper; simulate nothing.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run the main job on shipped data: signals, field, beam, damping, report."""
-    from graindamp.report.demo import run_demo
+    """Run the main job: simulate a damper, couple it to a beam, report the damping."""
+    from graindamp.report.demo import run_demo, run_measured_demo
 
     with progress_of(as_json) as progress:
-        files, prediction, document = run_demo(out, progress)
+        files, prediction, document = (run_measured_demo if measured else run_demo)(out, progress)
     _finish(prediction, files, document, as_json)
 
 

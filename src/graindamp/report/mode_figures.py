@@ -64,26 +64,30 @@ FINE = 300
 """Places per axis that a map is coloured at [-]."""
 
 
-def mode_map(field: xr.Dataset, clearance: float | None = None, title: str = "") -> Figure:
+def mode_map(
+    field: xr.Dataset, clearance: float | None = None, title: str = "", points: xr.Dataset | None = None
+) -> Figure:
     """Loss factor above, motion modes below, over frequency and intensity, with lines of constant stroke.
 
     Args:
         field: an effective field with the variable `motion_mode`.
         clearance: free travel h [m], for the line X_opt = h / pi; None: that in the description of the damper.
         title: heading; default the name of the damper.
+        points: what was simulated, where the field is a prediction from it: modes and letters are theirs.
 
     Raises:
         InputError: the field holds no motion modes.
     """
-    if "motion_mode" not in field:
+    known = field if points is None else points
+    if "motion_mode" not in known:
         raise InputError("the field holds no motion_mode; simulate it, measured fields have none")
     damper = damper_of(field)
     clearance = damper.get("clearance") if clearance is None else clearance
-    f, gamma = (values.ravel() for values in places_of(field))
+    f, gamma = (values.ravel() for values in places_of(known))
     figure = Figure(figsize=(7.6, 8.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     _filled_loss_factor(figure, upper, field)
-    modes = field["motion_mode"].to_numpy().ravel()
+    modes = known["motion_mode"].to_numpy().ravel()
     present = _coloured_modes(lower, f, gamma, modes)
     for axes in (upper, lower):
         axes.set(xscale="log", yscale="log", xlim=(f.min(), f.max()), ylim=(gamma.min(), gamma.max()))

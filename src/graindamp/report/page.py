@@ -82,8 +82,8 @@ def _table(table: Table) -> str:
 
 def _picture(picture: Path, caption: str) -> str:
     data = base64.b64encode(picture.read_bytes()).decode()
-    text = html.escape(caption)
-    return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
+    text, kind = html.escape(caption), picture.suffix[1:]
+    return f'<figure><img alt="{text}" src="data:image/{kind};base64,{data}"><figcaption>{text}</figcaption></figure>'
 
 
 def _versions() -> str:

@@ -2,9 +2,9 @@
 
 import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -39,6 +39,8 @@ def write_prediction(
     inputs: str,
     measurement: Measurement | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    opening: Sequence[Section] = (),
+    more: Mapping[str, Any] | None = None,
 ) -> Files:
     """Write report.html, result.json, damping.csv and one PNG per figure into `folder`.
 
@@ -48,12 +50,14 @@ def write_prediction(
         inputs: text of the project, shown in the page.
         measurement: where the field of the first damper comes from, if it was analysed along the way.
         progress: told what is being drawn.
+        opening: sections that come before all others, their pictures written already.
+        more: further entries of result.json.
 
     Raises:
         InputError: a file cannot be written.
     """
-    sections: list[Section] = []
-    pictures: list[Path] = []
+    sections: list[Section] = list(opening)
+    pictures: list[Path] = [path for section in opening for path, _ in section.pictures]
 
     def picture(name: str, figure: Figure) -> Path:
         progress(f"drawing {name}")
@@ -91,7 +95,7 @@ def write_prediction(
         drawn = picture(name, figures.study(study))
         write_table(study_table(study), folder / f"{name}.csv")
         sections.append(Section(f"Study over {study.name}", "", (study_table(study),), ((drawn, "Every mode."),)))
-    document = prediction_document(prediction)
+    document = prediction_document(prediction) | dict(more or {})
     if measurement is not None:
         document["measurement"] = measurement_document(measurement)
     target = folder / "result.json"
