@@ -1,0 +1,116 @@
+"""Names of the columns of the device's tables."""
+
+# Slots.counts
+STEP = 0
+"""Steps done, settling included [-]."""
+STAGE = 1
+STATUS = 2
+"""Status bits."""
+ROW = 3
+"""Rows written [-]."""
+SIDE = 4
+"""Which of the two copies of the outer lists is in use, 0 or 1."""
+N_PAIR = 5
+N_INNER = 6
+N_TOUCH = 7
+REFRESHES = 8
+"""Renewals of the outer lists [-]."""
+NARROWINGS = 9
+"""Renewals of the inner list [-]."""
+WANTED_PAIRS = 10
+"""Room that full lists asked for [-]."""
+WANTED_TOUCHES = 11
+N_COUNT = 12
+
+# Slots.codes
+N_PARTICLE = 0
+NORMAL = 1
+TANGENTIAL = 2
+TENSION = 3
+ROLLING_CODE = 4
+N_SETTLE = 5
+"""Steps at rest before the motion."""
+PER_ROW = 6
+"""Steps between two rows, a cycle for motions with cycles."""
+TARGET = 7
+"""Step at which the world pauses."""
+END = 8
+"""Last step."""
+GIVEN = 9
+"""1: velocities at the start of the motion are given; 0: those of the settled bed."""
+N_CODE = 10
+
+# Slots.numbers
+GRAVITY = 0
+"""0-2 [m/s^2]."""
+TIME_STEP = 3
+SKIN = 4
+LARGEST = 5
+"""Largest radius [m]."""
+REACH = 6
+"""Reach of the inner list [m]."""
+CARRIED = 7
+"""Velocity that the bounds on motion are relative to (7-9) [m/s]."""
+CARRIED_SPEED = 10
+"""Its size [m/s]."""
+N_NUMBER = 11
+
+# Slots.sums, one number per thread
+SUM_FORCE_COS = 0
+SUM_FORCE_SIN = 1
+SUM_SPEED_COS = 2
+SUM_SPEED_SIN = 3
+SUM_LEDGER = 4
+"""4-10: the ledger's columns."""
+SUM_PAIRS = 11
+"""Pair contacts, summed over steps."""
+SUM_TOUCHES = 12
+WIDEST_PAIR = 13
+"""Largest overlap [m]."""
+WIDEST_TOUCH = 14
+WAY_INNER = 15
+"""Way since the last renewal of the inner list [m]."""
+WAY_OUTER = 16
+"""Way since the last renewal of the outer lists [m]."""
+WAY_WALL = 17
+"""Likewise, with that of the carried velocity, relative to the walls [m]."""
+WAY_LAST = 18
+"""Way in the last step [m]."""
+N_SUM = 19
+
+# Slots.rows
+ROW_FOURIER = 0
+"""0-4: columns of the sums over a cycle."""
+ROW_LEDGER = 5
+"""5-11: energies since the start of the motion [J]."""
+ROW_KINETIC = 12
+ROW_ROTATIONAL = 13
+ROW_POTENTIAL = 14
+ROW_ELASTIC = 15
+ROW_CENTRE = 16
+"""16-18: centre of mass [m]."""
+ROW_TIME = 19
+"""Since the start of the motion [s]."""
+ROW_PAIRS = 20
+"""Pair contacts, summed over the steps since the start of the motion."""
+ROW_TOUCHES = 21
+N_ROW = 22
+
+# Record of a contact
+FORCE = 0
+"""Force on the first body (0-2) [N]."""
+TORQUE = 3
+"""Pairs: normal x tangential force (3-5) [N]; walls: torque (3-5) [N m]."""
+ARMS = 6
+"""Pairs: arms of the first and second body (6, 7) [m]."""
+OVERLAP = 6
+"""Walls: overlap [m]."""
+ELEMENT = 7
+"""Walls: number of the element."""
+N_RECORD = 8
+
+NEW, RUNNING, HALTED, IDLE = 0, 1, 2, 3
+"""Stages of a slot: a world not started, between two steps, in a step whose lists had no room, no world."""
+
+BEYOND = 1e9
+"""A way that no list outlasts [m]."""

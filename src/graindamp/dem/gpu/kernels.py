@@ -1,0 +1,128 @@
+"""The kernel: one thread block is one world, and does many steps of it in a launch.
+
+A step has two barriers. Before the first every thread gathers the forces of its particles and moves them; after it
+every thread computes the forces of its pairs and wall contacts and writes them down. A thread writes rows of its own
+only, and sums are kept per thread and added up in a fixed order, so that results do not depend on timing."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cuda
+
+from graindamp.dem.gpu.columns import (
+    BEYOND,
+    END,
+    HALTED,
+    IDLE,
+    N_ROW,
+    N_SETTLE,
+    N_SUM,
+    NEW,
+    PER_ROW,
+    RUNNING,
+    STAGE,
+    STATUS,
+    STEP,
+    TARGET,
+    WAY_OUTER,
+)
+from graindamp.dem.gpu.device import THREADS, Builder, Variant
+from graindamp.dem.gpu.forces import pair_forces
+from graindamp.dem.gpu.lists import FREE
+from graindamp.dem.gpu.steps import (
+    container,
+    drift,
+    renew,
+    set_off,
+    show,
+    speeds,
+    take_back,
+    write_row,
+)
+from graindamp.dem.gpu.touches import wall_forces
+
+
+def advance(batch, limit):
+    """Advance the world of this block by at most `limit` steps, until its target, or until a status bit stops it."""
+    w, thread, width = cuda.blockIdx.x, cuda.threadIdx.x, THREADS
+    buffer = cuda.shared.array(THREADS, np.float64)
+    moving = cuda.shared.array((2, 8), np.float64)
+    counts, sums = batch.slots.counts[w], batch.slots.sums[w]
+    codes = batch.slots.codes[w]
+    target, end, n_settle, per_row = codes[TARGET], codes[END], codes[N_SETTLE], codes[PER_ROW]
+    stage, step, status, done = counts[STAGE], counts[STEP], counts[STATUS], 0
+    if stage == IDLE or status != 0 or (stage == RUNNING and step >= target):
+        return
+    if thread == 0:
+        container(w, step, batch, moving[step % 2])
+    cuda.syncthreads()
+    while stage != RUNNING or (step < target and done < limit):
+        due = 1
+        if stage == RUNNING:
+            # The last thread, which may have a particle less than the others, moves the container on.
+            if thread == width - 1:
+                container(w, step + 1, batch, moving[(step + 1) % 2])
+            due = drift(w, step, moving[step % 2], thread, width, batch, sums)
+            step += 1
+            done += 1
+        if cuda.syncthreads_or(due):
+            status = renew(w, step, buffer, thread, width, batch, sums)
+            if status != 0:
+                if stage == RUNNING:
+                    stage = HALTED
+                break
+        now = moving[step % 2]
+        pair_forces(w, step, thread, width, batch, sums)
+        wall_forces(w, step, now, thread, width, batch, sums)
+        if thread == 0:
+            speeds(w, now, batch, sums, thread)
+        cuda.syncthreads()
+        if stage == NEW:
+            take_back(w, step, thread, width, batch)
+        stage = RUNNING
+        if step >= n_settle:
+            if step == n_settle:
+                set_off(w, step, now, thread, width, batch, sums)
+            if (step - n_settle) % per_row == 0 or step == end:
+                cuda.syncthreads()
+                write_row(w, step, now, buffer, thread, width, batch, sums)
+                cuda.syncthreads()
+    if status == 0:
+        show(w, step, moving[step % 2], thread, width, batch)
+    if thread == 0:
+        counts[STAGE], counts[STEP] = stage, step
+
+
+def clear(batch, w):
+    """Make slot w ready for a new world: nothing touches, all sums are zero."""
+    thread, width = cuda.threadIdx.x, THREADS
+    bed, pairs, touches, slots = batch.bed, batch.pairs, batch.touches, batch.slots
+    for i in range(thread, bed.radius.shape[1] + 1, width):
+        for side in range(2):
+            pairs.start[w, side, i] = touches.start[w, side, i] = 0
+        pairs.back_start[w, i] = pairs.inner_start[w, i] = pairs.inner_back_start[w, i] = 0
+    for p in range(thread, pairs.stamp.shape[1], width):
+        pairs.stamp[w, p] = pairs.touched[w, 0, p] = pairs.touched[w, 1, p] = FREE
+    for t in range(thread, touches.stamp.shape[1], width):
+        touches.stamp[w, t] = touches.touched[w, 0, t] = touches.touched[w, 1, t] = FREE
+    for k in range(N_SUM):
+        slots.sums[w, k, thread] = 0.0
+    slots.sums[w, WAY_OUTER, thread] = BEYOND
+    for k in range(thread, slots.impact.shape[2], width):
+        slots.impact[w, 0, k] = slots.impact[w, 1, k] = 0
+    for r in range(thread, slots.rows.shape[1], width):
+        for k in range(N_ROW):
+            slots.rows[w, r, k] = 0.0
+
+
+class Kernels(NamedTuple):
+    """What is launched, compiled when it is first needed."""
+
+    advance: Any
+    clear: Any
+
+
+def kernels_of(variant: Variant) -> Kernels:
+    """The kernels of a variant."""
+    builder = Builder(variant)
+    return Kernels(builder.kernel(advance), builder.kernel(clear))
