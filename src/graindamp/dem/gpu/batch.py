@@ -1,5 +1,5 @@
-"""Many operating points at once on one GPU: each has a slot while it runs, and leaves it to the next one when it is known
-well enough."""
+"""Many operating points at once on one GPU: each has a slot while it runs, and leaves it to the next one when it is
+known well enough."""
 
 import time
 from collections import deque

@@ -53,48 +53,51 @@ CARRIED = 7
 """Velocity that the bounds on motion are relative to (7-9) [m/s]."""
 CARRIED_SPEED = 10
 """Its size [m/s]."""
-N_NUMBER = 11
+MOVING = 11
+"""Between launches: acceleration (11-13) and velocity (14-16) of the container now, weights of the Fourier sums (17,
+18); see :func:`graindamp.dem.gpu.steps.container`."""
+N_NUMBER = 19
 
-# Slots.sums, one number per thread
-SUM_FORCE_COS = 0
-SUM_FORCE_SIN = 1
-SUM_SPEED_COS = 2
-SUM_SPEED_SIN = 3
-SUM_LEDGER = 4
-"""4-10: the ledger's columns."""
-SUM_PAIRS = 11
-"""Pair contacts, summed over steps."""
-SUM_TOUCHES = 12
-WIDEST_PAIR = 13
+# Slots.sums, one number per thread; the first N_TOTAL of a row of Slots.rows are their totals
+FORCE_COS = 0
+"""0-3: sums over the cycle as in :mod:`graindamp.dem.columns`."""
+FORCE_SIN = 1
+SPEED_COS = 2
+SPEED_SIN = 3
+LEDGER = 4
+"""4-10: energies since the start of the motion [J], the ledger's columns."""
+PAIR_CONTACTS = 11
+"""Summed over the steps since the start of the motion [-]."""
+WALL_CONTACTS = 12
+KINETIC = 13
+"""[J]"""
+ROTATIONAL = 14
+POTENTIAL = 15
+ELASTIC = 16
+MOMENT = 17
+"""17-19: mass times position [kg m]."""
+BED_MASS = 20
+"""[kg]"""
+N_TOTAL = 21
+WIDEST_PAIR = 21
 """Largest overlap [m]."""
-WIDEST_TOUCH = 14
-WAY_INNER = 15
+WIDEST_TOUCH = 22
+WAY_INNER = 23
 """Way since the last renewal of the inner list [m]."""
-WAY_OUTER = 16
+WAY_OUTER = 24
 """Way since the last renewal of the outer lists [m]."""
-WAY_WALL = 17
+WAY_WALL = 25
 """Likewise, with that of the carried velocity, relative to the walls [m]."""
-WAY_LAST = 18
+WAY_LAST = 26
 """Way in the last step [m]."""
-N_SUM = 19
+N_SUM = 27
 
-# Slots.rows
-ROW_FOURIER = 0
-"""0-4: columns of the sums over a cycle."""
-ROW_LEDGER = 5
-"""5-11: energies since the start of the motion [J]."""
-ROW_KINETIC = 12
-ROW_ROTATIONAL = 13
-ROW_POTENTIAL = 14
-ROW_ELASTIC = 15
-ROW_CENTRE = 16
-"""16-18: centre of mass [m]."""
-ROW_TIME = 19
+# Slots.rows, after the totals
+ROW_STEPS = 21
+"""Steps since the row before [-]."""
+ROW_TIME = 22
 """Since the start of the motion [s]."""
-ROW_PAIRS = 20
-"""Pair contacts, summed over the steps since the start of the motion."""
-ROW_TOUCHES = 21
-N_ROW = 22
+N_ROW = 23
 
 # Record of a contact
 FORCE = 0

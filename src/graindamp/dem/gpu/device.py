@@ -20,6 +20,19 @@ Body = TypeVar("Body", bound=Callable[..., Any])
 WORKING_MODULES = ("graindamp.dem.laws", "graindamp.dem.springs")
 """Modules of the processor's engine whose functions work in the precision of the forces; all others in double."""
 
+CALLED_MODULES = (
+    "graindamp.dem.walls",
+    "graindamp.dem.motion",
+    "graindamp.dem.grip",
+    "graindamp.dem.energy",
+    "graindamp.dem.gpu.block",
+)
+"""Modules whose functions the compiler may call rather than weave into their callers: they are long or rarely run, and
+take few arguments."""
+
+SMALLEST_SINGLE = 1e-30
+"""What stands in single precision for guards such as 1e-300."""
+
 MISSING = 'the GPU back end needs numba-cuda; install it with: pip install "graindamp[gpu]"'
 
 
@@ -36,7 +49,7 @@ class Variant(NamedTuple):
     real: type = np.float64
     """Working type of velocities at contacts, spins, forces and contact memory."""
     threads: int = 256
-    """Threads of a block, a power of two; a block is a world."""
+    """Most threads of a block; a block is a world, and launched with this or a smaller power of two."""
     springs: bool = True
     """Whether some world has a tangential law with memory."""
     rolling: bool = True
@@ -116,7 +129,8 @@ class Builder:
             else:
                 from numba import cuda
 
-                self.built[body] = cuda.jit(device=True, forceinline=True, fastmath=self.variant.fast)(plain)
+                woven = body.__module__ in WORKING_MODULES or body.__module__ not in CALLED_MODULES
+                self.built[body] = cuda.jit(device=True, forceinline=woven, fastmath=self.variant.fast)(plain)
         return self.built[body]
 
     def plain(self, body: Callable[..., Any]) -> FunctionType:
@@ -147,8 +161,9 @@ class Builder:
         return self._literal(value) if single else value
 
     def _literal(self, value: Any) -> Any:
-        """A literal in the working type; what would vanish becomes the smallest normal number."""
+        """A literal in the working type. Guards against division by zero that would vanish there become ones that do
+        not, and whose reciprocal does not overflow either."""
         if type(value) is not float:
             return value
-        least = float(np.finfo(self.variant.real).tiny)
-        return self.variant.real(math.copysign(least, value) if 0.0 < abs(value) < least else value)
+        vanishes = 0.0 < abs(value) < float(np.finfo(self.variant.real).tiny)
+        return self.variant.real(math.copysign(SMALLEST_SINGLE, value) if vanishes else value)

@@ -25,12 +25,12 @@ from graindamp.dem.columns import (
 from graindamp.dem.gpu.columns import (
     ARMS,
     FORCE,
+    LEDGER,
     N_INNER,
     NORMAL,
+    PAIR_CONTACTS,
     ROLLING_CODE,
     SIDE,
-    SUM_LEDGER,
-    SUM_PAIRS,
     TANGENTIAL,
     TENSION,
     TIME_STEP,
@@ -78,7 +78,7 @@ def smooth_contact(
 
 
 @working
-def pair_forces(w, step, thread, width, batch, sums):
+def pair_forces(w, step, thread, width, batch):
     """Write the records of all touching pairs of world w, and add what they dissipate to the thread's sums."""
     bed, pairs, slots = batch.bed, batch.pairs, batch.slots
     side = slots.counts[w, SIDE]
@@ -89,7 +89,7 @@ def pair_forces(w, step, thread, width, batch, sums):
     wx, wy, wz = bed.spin_next[w, 0], bed.spin_next[w, 1], bed.spin_next[w, 2]
     firsts, seconds, inner = pairs.inner_first[w], pairs.inner_second[w], pairs.inner[w]
     touched, grips, stamp, record = pairs.touched[w, side], pairs.grip[w, side], pairs.stamp[w], pairs.record[w]
-    time_step = slots.numbers[w, TIME_STEP]
+    time_step, sums = slots.numbers[w, TIME_STEP], slots.sums[w]
     inverse_step = REAL(1.0 / time_step)
     loss_normal, loss_friction, loss_rolling, widest, count = 0.0, 0.0, 0.0, REAL(0.0), 0
     for k in range(thread, slots.counts[w, N_INNER], width):
@@ -148,12 +148,12 @@ def pair_forces(w, step, thread, width, batch, sums):
             loss_friction += rub
             widest = max(widest, overlap)
             count += 1
-    sums[SUM_LEDGER + LOSS_NORMAL, thread] += loss_normal * time_step
-    sums[SUM_LEDGER + LOSS_FRICTION, thread] += loss_friction * time_step
+    sums[LEDGER + LOSS_NORMAL, thread] += loss_normal * time_step
+    sums[LEDGER + LOSS_FRICTION, thread] += loss_friction * time_step
     if WITH_ROLLING:
-        sums[SUM_LEDGER + LOSS_ROLLING, thread] += loss_rolling * time_step
+        sums[LEDGER + LOSS_ROLLING, thread] += loss_rolling * time_step
     if count > 0:
-        sums[SUM_PAIRS, thread] += count
+        sums[PAIR_CONTACTS, thread] += count
         sums[WIDEST_PAIR, thread] = max(sums[WIDEST_PAIR, thread], widest)
 
 

@@ -14,6 +14,7 @@ from graindamp.dem.gpu.columns import (
     END,
     HALTED,
     IDLE,
+    MOVING,
     N_ROW,
     N_SETTLE,
     N_SUM,
@@ -29,73 +30,75 @@ from graindamp.dem.gpu.columns import (
 from graindamp.dem.gpu.device import THREADS, Builder, Variant
 from graindamp.dem.gpu.forces import pair_forces
 from graindamp.dem.gpu.lists import FREE
-from graindamp.dem.gpu.steps import (
-    container,
-    drift,
-    renew,
-    set_off,
-    show,
-    speeds,
-    take_back,
-    write_row,
-)
+from graindamp.dem.gpu.steps import container, drift, occasion, renew, speeds
 from graindamp.dem.gpu.touches import wall_forces
 
 
 def advance(batch, limit):
     """Advance the world of this block by at most `limit` steps, until its target, or until a status bit stops it."""
-    w, thread, width = cuda.blockIdx.x, cuda.threadIdx.x, THREADS
     buffer = cuda.shared.array(THREADS, np.float64)
     moving = cuda.shared.array((2, 8), np.float64)
-    counts, sums = batch.slots.counts[w], batch.slots.sums[w]
-    codes = batch.slots.codes[w]
-    target, end, n_settle, per_row = codes[TARGET], codes[END], codes[N_SETTLE], codes[PER_ROW]
-    stage, step, status, done = counts[STAGE], counts[STEP], counts[STATUS], 0
+    # The slot is read from shared memory anew after each barrier, so that the compiler keeps no addresses of one part
+    # of a step in registers during the other.
+    here = cuda.shared.array(1, np.int64)
+    thread, width, w = cuda.threadIdx.x, cuda.blockDim.x, cuda.blockIdx.x
+    stage, step, status, done = (
+        batch.slots.counts[w, STAGE],
+        batch.slots.counts[w, STEP],
+        batch.slots.counts[w, STATUS],
+        0,
+    )
+    target, n_settle, per_row = (
+        batch.slots.codes[w, TARGET],
+        batch.slots.codes[w, N_SETTLE],
+        batch.slots.codes[w, PER_ROW],
+    )
+    end = batch.slots.codes[w, END]
     if stage == IDLE or status != 0 or (stage == RUNNING and step >= target):
         return
     if thread == 0:
-        container(w, step, batch, moving[step % 2])
+        here[0] = w
+        for c in range(8):
+            moving[step % 2, c] = batch.slots.numbers[w, MOVING + c]
     cuda.syncthreads()
     while stage != RUNNING or (step < target and done < limit):
         due = 1
         if stage == RUNNING:
+            w = here[0]
             # The last thread, which may have a particle less than the others, moves the container on.
             if thread == width - 1:
                 container(w, step + 1, batch, moving[(step + 1) % 2])
-            due = drift(w, step, moving[step % 2], thread, width, batch, sums)
+            due = drift(w, step, moving[step % 2], thread, width, batch)
             step += 1
             done += 1
         if cuda.syncthreads_or(due):
-            status = renew(w, step, buffer, thread, width, batch, sums)
+            status = renew(here[0], step, buffer, thread, width, batch)
             if status != 0:
                 if stage == RUNNING:
                     stage = HALTED
                 break
+        w = here[0]
         now = moving[step % 2]
-        pair_forces(w, step, thread, width, batch, sums)
-        wall_forces(w, step, now, thread, width, batch, sums)
+        pair_forces(w, step, thread, width, batch)
+        wall_forces(w, step, now, thread, width, batch)
         if thread == 0:
-            speeds(w, now, batch, sums, thread)
+            speeds(w, now, thread, batch)
         cuda.syncthreads()
-        if stage == NEW:
-            take_back(w, step, thread, width, batch)
+        writes = step >= n_settle and ((step - n_settle) % per_row == 0 or step == end)
+        if stage == NEW or step == n_settle or writes or done == limit or step == target:
+            occasion(here[0], step, stage, now, writes, buffer, thread, width, batch)
         stage = RUNNING
-        if step >= n_settle:
-            if step == n_settle:
-                set_off(w, step, now, thread, width, batch, sums)
-            if (step - n_settle) % per_row == 0 or step == end:
-                cuda.syncthreads()
-                write_row(w, step, now, buffer, thread, width, batch, sums)
-                cuda.syncthreads()
-    if status == 0:
-        show(w, step, moving[step % 2], thread, width, batch)
+    cuda.syncthreads()
     if thread == 0:
-        counts[STAGE], counts[STEP] = stage, step
+        w = here[0]
+        batch.slots.counts[w, STAGE], batch.slots.counts[w, STEP] = stage, step
+        for c in range(8):
+            batch.slots.numbers[w, MOVING + c] = moving[step % 2, c]
 
 
 def clear(batch, w):
     """Make slot w ready for a new world: nothing touches, all sums are zero."""
-    thread, width = cuda.threadIdx.x, THREADS
+    thread, width = cuda.threadIdx.x, cuda.blockDim.x
     bed, pairs, touches, slots = batch.bed, batch.pairs, batch.touches, batch.slots
     for i in range(thread, bed.radius.shape[1] + 1, width):
         for side in range(2):

@@ -77,17 +77,22 @@ def refresh_pairs(w, step, buffer, thread, width, batch):
         member[cuda.atomic.add(start, cell[i], 1)] = i
     cuda.syncthreads()
 
-    forward, backward = pairs.start[w, new], pairs.back_start[w]
-    for i in range(thread, n, width):
-        forward[i], backward[i] = neighbours(w, i, nx, ny, nz, bed, start, cell, member, skin, pairs, new, -1, -1)
-    n_pair = running(forward, n, buffer, thread, width)
-    running(backward, n, buffer, thread, width)
-    if n_pair > pairs.back.shape[1]:
-        if thread == 0:
-            slots.counts[w, WANTED_PAIRS] = n_pair
-        return LISTS_FULL
-    for i in range(thread, n, width):
-        neighbours(w, i, nx, ny, nz, bed, start, cell, member, skin, pairs, new, forward[i], backward[i])
+    forward, backward, n_pair = pairs.start[w, new], pairs.back_start[w], 0
+    for fill in range(2):  # first count, then write
+        for i in range(thread, n, width):
+            first, back = -1, -1
+            if fill > 0:
+                first, back = forward[i], backward[i]
+            after, before = neighbours(w, i, nx, ny, nz, bed, start, cell, member, skin, pairs, new, first, back)
+            if fill == 0:
+                forward[i], backward[i] = after, before
+        if fill == 0:
+            n_pair = running(forward, n, buffer, thread, width)
+            running(backward, n, buffer, thread, width)
+            if n_pair > pairs.back.shape[1]:
+                if thread == 0:
+                    slots.counts[w, WANTED_PAIRS] = n_pair
+                return LISTS_FULL
     cuda.syncthreads()
     for i in range(thread, n, width):
         remember(w, i, n, old, new, step, pairs)

@@ -14,6 +14,7 @@ from graindamp.dem.gpu.columns import (
     GIVEN,
     GRAVITY,
     LARGEST,
+    MOVING,
     N_CODE,
     N_COUNT,
     N_NUMBER,
@@ -30,7 +31,7 @@ from graindamp.dem.gpu.columns import (
 from graindamp.dem.gpu.state import Room
 from graindamp.dem.interactions import Interactions, interactions_of
 from graindamp.dem.laws import TangentialLaw
-from graindamp.dem.motion import FUNDAMENTAL
+from graindamp.dem.motion import FUNDAMENTAL, move
 from graindamp.dem.packing import pack
 from graindamp.dem.packing_store import Packing
 from graindamp.dem.plan import CHUNKS, Plan, plan_of
@@ -131,6 +132,10 @@ def loaded(
         skin,
         largest,
     )
+    if n_settle == 0:
+        move(0, 0.0, motion)
+        numbers[MOVING : MOVING + 3], numbers[MOVING + 3 : MOVING + 6] = motion.acceleration[0], motion.velocity[0]
+        numbers[MOVING + 6] = 1.0
     velocity, spin = bed.velocity[order].T, bed.spin[order].T
     shown = (bed.velocity, bed.spin) if given is None else given
     return Loaded(

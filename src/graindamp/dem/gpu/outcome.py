@@ -3,28 +3,25 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from graindamp.dem.columns import (
-    FORCE_COS,
-    FORCE_SIN,
-    LOWEST_SPEED,
-    N_LEDGER,
-    N_SPEED_BIN,
-    N_STEP,
-    SPEED_COS,
-    SPEED_SIN,
-)
+from graindamp.dem.columns import LOWEST_SPEED, N_LEDGER, N_SPEED_BIN
 from graindamp.dem.energy import Energies
 from graindamp.dem.gpu.columns import (
-    ROW_CENTRE,
-    ROW_ELASTIC,
-    ROW_FOURIER,
-    ROW_KINETIC,
-    ROW_LEDGER,
-    ROW_PAIRS,
-    ROW_POTENTIAL,
-    ROW_ROTATIONAL,
+    BED_MASS,
+    ELASTIC,
+    FORCE_COS,
+    FORCE_SIN,
+    KINETIC,
+    LEDGER,
+    MOMENT,
+    N_ROW,
+    PAIR_CONTACTS,
+    POTENTIAL,
+    ROTATIONAL,
+    ROW_STEPS,
     ROW_TIME,
-    ROW_TOUCHES,
+    SPEED_COS,
+    SPEED_SIN,
+    WALL_CONTACTS,
     WIDEST_PAIR,
     WIDEST_TOUCH,
 )
@@ -40,8 +37,7 @@ Real = NDArray[np.float64]
 
 def cycles_of(rows: Real, plan: Plan) -> Cycles:
     """Force and speed of the whole cycles in the rows; (row, N_ROW)."""
-    sums = rows[1:, ROW_FOURIER : ROW_FOURIER + N_STEP + 1]
-    whole = sums[np.abs(sums[:, N_STEP] - plan.per_cycle) < 0.5] if plan.per_cycle else sums[:0]
+    whole = rows[1:][np.abs(rows[1:, ROW_STEPS] - plan.per_cycle) < 0.5] if plan.per_cycle else rows[:0]
     scale = 2.0 / max(plan.per_cycle, 1)
     return Cycles(
         scale * (whole[:, FORCE_COS] - 1j * whole[:, FORCE_SIN]),
@@ -51,8 +47,8 @@ def cycles_of(rows: Real, plan: Plan) -> Cycles:
 
 def energies_of(row: Real) -> Energies:
     """Energies of one row."""
-    ledger = [float(value) for value in row[ROW_LEDGER : ROW_LEDGER + N_LEDGER]]
-    stored = (float(row[k]) for k in (ROW_KINETIC, ROW_ROTATIONAL, ROW_POTENTIAL, ROW_ELASTIC))
+    ledger = [float(value) for value in row[LEDGER : LEDGER + N_LEDGER]]
+    stored = (float(row[k]) for k in (KINETIC, ROTATIONAL, POTENTIAL, ELASTIC))
     return Energies(*stored, *ledger)
 
 
@@ -85,7 +81,7 @@ def run_of(world: Described, rows: Real, step: int, seconds: float, status: int,
         status |= int(Status.LARGE_OVERLAP)
     if fastest > 0.0 and steps < FEW_STEPS:
         status |= int(Status.FEW_STEPS)
-    last = rows[-1] if len(rows) else np.zeros(ROW_TOUCHES + 1)
+    last = rows[-1] if len(rows) else np.zeros(N_ROW)
     end = None
     if world.speed > 0.0 and plan.per_cycle and n_step % plan.per_cycle == 0 and not status & int(Status.PARTICLE_LOST):
         end = BedState(position, velocity / world.speed, spin * world.packing.radius[:, None] / world.speed)
@@ -106,13 +102,13 @@ def run_of(world: Described, rows: Real, step: int, seconds: float, status: int,
         frequency=world.spec.base_frequency,
         energy_time=rows[:, ROW_TIME].copy(),
         energy=tuple(energies_of(row) for row in rows),
-        centre=rows[:, ROW_CENTRE : ROW_CENTRE + 3].copy(),
+        centre=rows[:, MOMENT : MOMENT + 3] / rows[:, BED_MASS, None],
         snapshots=(),
         velocity_field=None,
         impact_edges=edges,
         impact_counts=impacts,
-        contacts_per_particle=float(last[ROW_PAIRS]) / max(n_step, 1) / n,
-        wall_contacts=float(last[ROW_TOUCHES]) / max(n_step, 1),
+        contacts_per_particle=float(last[PAIR_CONTACTS]) / max(n_step, 1) / n,
+        wall_contacts=float(last[WALL_CONTACTS]) / max(n_step, 1),
         largest_overlap=overlap,
         largest_speed=fastest,
         time_step=plan.time_step,

@@ -40,6 +40,8 @@ class Bed(NamedTuple):
     (slot, 3, particle)."""
     spin_shown: Array
     """Likewise [rad/s]; (slot, 3, particle)."""
+    load: Array
+    """Force [N] and torque [N m] at a pause, real; (slot, 6, particle)."""
 
 
 class Pairs(NamedTuple):
@@ -193,6 +195,7 @@ def layout(room: Room, real: type) -> dict[str, dict[str, tuple[tuple[int, ...],
             "material": ((s, n), i4),
             "velocity_shown": ((s, 3, n), f8),
             "spin_shown": ((s, 3, n), f8),
+            "load": ((s, 6, n), real),
         },
         "pairs": {
             "start": ((s, 2, n + 1), i4),

@@ -3,52 +3,45 @@ on, the container moved, sums written down."""
 
 from math import cos, sin, sqrt
 
-from graindamp.dem.columns import (
-    GRIP_STIFFNESS,
-    N_LEDGER,
-    N_STEP,
-)
+from graindamp.dem.columns import GRIP_STIFFNESS
 from graindamp.dem.energy import elastic_energy, spring_energy
 from graindamp.dem.gpu.block import largest, total
 from graindamp.dem.gpu.columns import (
     ARMS,
+    BED_MASS,
     BEYOND,
     CARRIED,
     CARRIED_SPEED,
+    ELASTIC,
     ELEMENT,
     FORCE,
     GIVEN,
     GRAVITY,
+    KINETIC,
+    MOMENT,
     N_INNER,
     N_PARTICLE,
     N_SETTLE,
     N_SUM,
+    N_TOTAL,
     N_TOUCH,
+    NEW,
     NORMAL,
     OVERLAP,
     PER_ROW,
+    POTENTIAL,
     REACH,
     REFRESHES,
     ROLLING_CODE,
+    ROTATIONAL,
     ROW,
-    ROW_CENTRE,
-    ROW_ELASTIC,
-    ROW_FOURIER,
-    ROW_KINETIC,
-    ROW_LEDGER,
-    ROW_PAIRS,
-    ROW_POTENTIAL,
-    ROW_ROTATIONAL,
+    ROW_STEPS,
     ROW_TIME,
-    ROW_TOUCHES,
     SIDE,
     SKIN,
+    SPEED_COS,
+    SPEED_SIN,
     STATUS,
-    SUM_FORCE_COS,
-    SUM_PAIRS,
-    SUM_SPEED_COS,
-    SUM_SPEED_SIN,
-    SUM_TOUCHES,
     TANGENTIAL,
     TIME_STEP,
     TORQUE,
@@ -114,10 +107,10 @@ def gathered(w, i, step, side, batch):
 
 
 @working
-def drift(w, step, now, thread, width, batch, sums):
+def drift(w, step, now, thread, width, batch):
     """Kick by the forces of the last positions, those of `step`, and move. Returns whether the thread's particles may
     have moved as far as a list reaches."""
-    bed, numbers, side = batch.bed, batch.slots.numbers[w], batch.slots.counts[w, SIDE]
+    bed, numbers, side, sums = batch.bed, batch.slots.numbers[w], batch.slots.counts[w, SIDE], batch.slots.sums[w]
     position, velocity, following = bed.position[w], bed.velocity[w], bed.velocity_next[w]
     spin, spin_following = bed.spin[w], bed.spin_next[w]
     dt = numbers[TIME_STEP]
@@ -155,10 +148,10 @@ def drift(w, step, now, thread, width, batch, sums):
     return 1 if inner + inner >= numbers[REACH] or outer + outer >= skin or wall >= skin else 0
 
 
-def renew(w, step, buffer, thread, width, batch, sums):
+def renew(w, step, buffer, thread, width, batch):
     """Renew the lists whose reach the particles may have moved. Returns a status bit, which stops the world, or 0."""
     slots = batch.slots
-    numbers, counts = slots.numbers[w], slots.counts[w]
+    numbers, counts, sums = slots.numbers[w], slots.counts[w], slots.sums[w]
     skin, reach, old = numbers[SKIN], numbers[REACH], counts[SIDE]
     inner = largest(sums[WAY_INNER, thread], buffer, thread, width)
     outer = largest(sums[WAY_OUTER, thread], buffer, thread, width)
@@ -202,49 +195,53 @@ def carry(w, buffer, thread, width, batch):
         numbers[CARRIED_SPEED] = sqrt(x * x + y * y + z * z)
 
 
-def take_back(w, step, thread, width, batch):
+def occasion(w, step, stage, now, writes, buffer, thread, width, batch):
+    """What is not done in every step: begin, let the container set off, write a row, show velocities."""
+    collect(w, step, thread, width, batch)
+    if stage == NEW:
+        take_back(w, thread, width, batch)
+    if step == batch.slots.codes[w, N_SETTLE]:
+        set_off(w, now, thread, width, batch)
+    show(w, now, thread, width, batch)
+    if writes:
+        write_row(w, step, now, buffer, thread, width, batch)
+
+
+def collect(w, step, thread, width, batch):
+    """Write down the forces and torques on all particles."""
+    load, side = batch.bed.load[w], batch.slots.counts[w, SIDE]
+    for i in range(thread, batch.slots.codes[w, N_PARTICLE], width):
+        load[0, i], load[1, i], load[2, i], load[3, i], load[4, i], load[5, i] = gathered(w, i, step, side, batch)
+
+
+def take_back(w, thread, width, batch):
     """Take velocities given at the first positions back to mid-step, with the container at rest."""
-    bed, numbers, side = batch.bed, batch.slots.numbers[w], batch.slots.counts[w, SIDE]
+    bed, numbers = batch.bed, batch.slots.numbers[w]
     half = 0.5 * numbers[TIME_STEP]
     for i in range(thread, batch.slots.codes[w, N_PARTICLE], width):
-        fx, fy, fz, tx, ty, tz = gathered(w, i, step, side, batch)
-        inverse, inverse_inertia = bed.inverse[w, 0, i], bed.inverse[w, 1, i]
-        bed.velocity[w, 0, i] -= half * (fx * inverse + numbers[GRAVITY])
-        bed.velocity[w, 1, i] -= half * (fy * inverse + numbers[GRAVITY + 1])
-        bed.velocity[w, 2, i] -= half * (fz * inverse + numbers[GRAVITY + 2])
-        bed.spin[w, 0, i] -= half * tx * inverse_inertia
-        bed.spin[w, 1, i] -= half * ty * inverse_inertia
-        bed.spin[w, 2, i] -= half * tz * inverse_inertia
+        inverse, turn = bed.inverse[w, 0, i], half * bed.inverse[w, 1, i]
+        for c in range(3):
+            bed.velocity[w, c, i] -= half * (bed.load[w, c, i] * inverse + numbers[GRAVITY + c])
+            bed.spin[w, c, i] -= turn * bed.load[w, 3 + c, i]
 
 
-def set_off(w, step, now, thread, width, batch, sums):
+def set_off(w, now, thread, width, batch):
     """Let the container begin to move.
 
     One that starts with a speed leaves a resting bed behind: in its frame the particles start with the opposite one. A
     bed whose velocities are given goes on with these."""
     bed, slots = batch.bed, batch.slots
-    numbers, side, given = slots.numbers[w], slots.counts[w, SIDE], slots.codes[w, GIVEN] != 0
+    numbers, sums, given = slots.numbers[w], slots.sums[w], slots.codes[w, GIVEN] != 0
     half = 0.5 * numbers[TIME_STEP]
     for i in range(thread, slots.codes[w, N_PARTICLE], width):
-        fx, fy, fz, tx, ty, tz = gathered(w, i, step, side, batch)
         inverse, turn = bed.inverse[w, 0, i], half * bed.inverse[w, 1, i]
-        gx, gy, gz = (
-            fx * inverse + numbers[GRAVITY],
-            fy * inverse + numbers[GRAVITY + 1],
-            fz * inverse + numbers[GRAVITY + 2],
-        )
-        if given:
-            vx, vy, vz = bed.velocity_shown[w, 0, i], bed.velocity_shown[w, 1, i], bed.velocity_shown[w, 2, i]
-            bed.spin[w, 0, i] = bed.spin_shown[w, 0, i] - turn * tx
-            bed.spin[w, 1, i] = bed.spin_shown[w, 1, i] - turn * ty
-            bed.spin[w, 2, i] = bed.spin_shown[w, 2, i] - turn * tz
-        else:
-            vx = bed.velocity[w, 0, i] + half * gx - now[3]
-            vy = bed.velocity[w, 1, i] + half * gy - now[4]
-            vz = bed.velocity[w, 2, i] + half * gz - now[5]
-        bed.velocity[w, 0, i] = vx - half * (gx - now[0])
-        bed.velocity[w, 1, i] = vy - half * (gy - now[1])
-        bed.velocity[w, 2, i] = vz - half * (gz - now[2])
+        for c in range(3):
+            pull = bed.load[w, c, i] * inverse + numbers[GRAVITY + c]
+            speed = bed.velocity[w, c, i] + half * pull - now[3 + c]
+            if given:
+                speed = bed.velocity_shown[w, c, i]
+                bed.spin[w, c, i] = bed.spin_shown[w, c, i] - turn * bed.load[w, 3 + c, i]
+            bed.velocity[w, c, i] = speed - half * (pull - now[c])
     for k in range(N_SUM):
         sums[k, thread] = 0.0
     sums[WAY_OUTER, thread] = BEYOND
@@ -252,73 +249,56 @@ def set_off(w, step, now, thread, width, batch, sums):
         slots.impact[w, 0, k] = slots.impact[w, 1, k] = 0
 
 
-def show(w, step, now, thread, width, batch):
+def show(w, now, thread, width, batch):
     """Write down velocities and spins at the time of the positions, in the container's frame."""
-    bed, numbers, side = batch.bed, batch.slots.numbers[w], batch.slots.counts[w, SIDE]
+    bed, numbers = batch.bed, batch.slots.numbers[w]
     half = 0.5 * numbers[TIME_STEP]
     for i in range(thread, batch.slots.codes[w, N_PARTICLE], width):
-        fx, fy, fz, tx, ty, tz = gathered(w, i, step, side, batch)
         inverse, turn = bed.inverse[w, 0, i], half * bed.inverse[w, 1, i]
-        bed.velocity_shown[w, 0, i] = bed.velocity[w, 0, i] + half * (fx * inverse + numbers[GRAVITY] - now[0])
-        bed.velocity_shown[w, 1, i] = bed.velocity[w, 1, i] + half * (fy * inverse + numbers[GRAVITY + 1] - now[1])
-        bed.velocity_shown[w, 2, i] = bed.velocity[w, 2, i] + half * (fz * inverse + numbers[GRAVITY + 2] - now[2])
-        bed.spin_shown[w, 0, i] = bed.spin[w, 0, i] + turn * tx
-        bed.spin_shown[w, 1, i] = bed.spin[w, 1, i] + turn * ty
-        bed.spin_shown[w, 2, i] = bed.spin[w, 2, i] + turn * tz
+        for c in range(3):
+            pull = bed.load[w, c, i] * inverse + numbers[GRAVITY + c] - now[c]
+            bed.velocity_shown[w, c, i] = bed.velocity[w, c, i] + half * pull
+            bed.spin_shown[w, c, i] = bed.spin[w, c, i] + turn * bed.load[w, 3 + c, i]
 
 
-def write_row(w, step, now, buffer, thread, width, batch, sums):
+def write_row(w, step, now, buffer, thread, width, batch):
     """Write down the sums of a cycle and the energies at its end, and begin the next cycle."""
-    bed, slots = batch.bed, batch.slots
-    numbers, row = slots.numbers[w], slots.counts[w, ROW]
-    show(w, step, now, thread, width, batch)
-    moved = batch.motion.displacement[w]
-    kinetic, rotational, potential, heavy, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(thread, slots.codes[w, N_PARTICLE], width):
-        mass, inertia = 1.0 / bed.inverse[w, 0, i], bed.inverse[w, 1, i]
-        x, y, z = bed.position[w, 0, i], bed.position[w, 1, i], bed.position[w, 2, i]
-        vx, vy, vz = bed.velocity_shown[w, 0, i], bed.velocity_shown[w, 1, i], bed.velocity_shown[w, 2, i]
-        wx, wy, wz = bed.spin_shown[w, 0, i], bed.spin_shown[w, 1, i], bed.spin_shown[w, 2, i]
-        vx, vy, vz = vx + now[3], vy + now[4], vz + now[5]
-        kinetic += 0.5 * mass * (vx * vx + vy * vy + vz * vz)
-        if inertia > 0.0:
-            rotational += 0.5 / inertia * (wx * wx + wy * wy + wz * wz)
-        potential -= mass * (
-            (x + moved[0]) * numbers[GRAVITY]
-            + (y + moved[1]) * numbers[GRAVITY + 1]
-            + (z + moved[2]) * numbers[GRAVITY + 2]
-        )
-        heavy, mx, my, mz = heavy + mass, mx + mass * x, my + mass * y, mz + mass * z
-    elastic = elastic_pairs(w, step, thread, width, batch) + elastic_walls(w, step, thread, width, batch)
-    kinetic, rotational = total(kinetic, buffer, thread, width), total(rotational, buffer, thread, width)
-    potential, elastic = total(potential, buffer, thread, width), total(elastic, buffer, thread, width)
-    heavy, mx = total(heavy, buffer, thread, width), total(mx, buffer, thread, width)
-    my, mz = total(my, buffer, thread, width), total(mz, buffer, thread, width)
-    fits = row < slots.rows.shape[1]
-    out = slots.rows[w, row if fits else 0]
-    for k in range(4 + N_LEDGER):
-        value = total(sums[SUM_FORCE_COS + k, thread], buffer, thread, width)
-        if fits and thread == 0:
-            out[ROW_FOURIER + k if k < 4 else ROW_LEDGER + k - 4] = value
-    touching, at_walls = (
-        total(sums[SUM_PAIRS, thread], buffer, thread, width),
-        total(sums[SUM_TOUCHES, thread], buffer, thread, width),
-    )
-    if fits and thread == 0:
-        rest = (step - slots.codes[w, N_SETTLE]) % slots.codes[w, PER_ROW]
-        out[ROW_FOURIER + N_STEP] = rest if rest > 0 else slots.codes[w, PER_ROW]
-        out[ROW_KINETIC], out[ROW_ROTATIONAL], out[ROW_POTENTIAL], out[ROW_ELASTIC] = (
-            kinetic,
-            rotational,
-            potential,
-            elastic,
-        )
-        out[ROW_CENTRE], out[ROW_CENTRE + 1], out[ROW_CENTRE + 2] = mx / heavy, my / heavy, mz / heavy
-        out[ROW_TIME] = (step - slots.codes[w, N_SETTLE]) * numbers[TIME_STEP]
-        out[ROW_PAIRS], out[ROW_TOUCHES] = touching, at_walls
+    slots = batch.slots
+    row, sums, since = slots.counts[w, ROW], slots.sums[w], step - slots.codes[w, N_SETTLE]
+    stored(w, now, thread, width, batch)
+    sums[ELASTIC, thread] = elastic_pairs(w, step, thread, width, batch) + elastic_walls(w, step, thread, width, batch)
+    for k in range(N_TOTAL):
+        value = total(sums[k, thread], buffer, thread, width)
+        if thread == 0 and row < slots.rows.shape[1]:
+            slots.rows[w, row, k] = value
+    if thread == 0 and row < slots.rows.shape[1]:
+        rest = since % slots.codes[w, PER_ROW]
+        slots.rows[w, row, ROW_STEPS] = rest if rest > 0 else slots.codes[w, PER_ROW]
+        slots.rows[w, row, ROW_TIME] = since * slots.numbers[w, TIME_STEP]
         slots.counts[w, ROW] = row + 1
     for k in range(4):
-        sums[SUM_FORCE_COS + k, thread] = 0.0
+        sums[k, thread] = 0.0
+
+
+def stored(w, now, thread, width, batch):
+    """Kinetic and potential energy of the thread's particles in the frame at rest [J], and their centre."""
+    bed, numbers, sums, moved = batch.bed, batch.slots.numbers[w], batch.slots.sums[w], batch.motion.displacement[w]
+    kinetic, rotational, potential, heavy, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(thread, batch.slots.codes[w, N_PARTICLE], width):
+        mass, turn = 1.0 / bed.inverse[w, 0, i], bed.inverse[w, 1, i]
+        for c in range(3):
+            speed, spin = bed.velocity_shown[w, c, i] + now[3 + c], bed.spin_shown[w, c, i]
+            kinetic += 0.5 * mass * speed * speed
+            if turn > 0.0:
+                rotational += 0.5 / turn * spin * spin
+            potential -= mass * numbers[GRAVITY + c] * (bed.position[w, c, i] + moved[c])
+        heavy += mass
+        mx += mass * bed.position[w, 0, i]
+        my += mass * bed.position[w, 1, i]
+        mz += mass * bed.position[w, 2, i]
+    sums[KINETIC, thread], sums[ROTATIONAL, thread], sums[POTENTIAL, thread] = kinetic, rotational, potential
+    sums[MOMENT, thread], sums[MOMENT + 1, thread], sums[MOMENT + 2, thread] = mx, my, mz
+    sums[BED_MASS, thread] = heavy
 
 
 def elastic_pairs(w, step, thread, width, batch):
@@ -358,9 +338,9 @@ def elastic_walls(w, step, thread, width, batch):
     return stored
 
 
-def speeds(w, now, batch, sums, thread):
+def speeds(w, now, thread, batch):
     """Add the container's velocity along its motion to the sums over the cycle."""
-    timing = batch.motion.timing[w]
+    timing, sums = batch.motion.timing[w], batch.slots.sums[w]
     quick = now[3] * timing[DIRECTION] + now[4] * timing[DIRECTION + 1] + now[5] * timing[DIRECTION + 2]
-    sums[SUM_SPEED_COS, thread] += quick * now[6]
-    sums[SUM_SPEED_SIN, thread] += quick * now[7]
+    sums[SPEED_COS, thread] += quick * now[6]
+    sums[SPEED_SIN, thread] += quick * now[7]

@@ -26,20 +26,20 @@ from graindamp.dem.gpu.block import running
 from graindamp.dem.gpu.columns import (
     ELEMENT,
     FORCE,
+    FORCE_COS,
+    FORCE_SIN,
+    LEDGER,
     N_PARTICLE,
     N_TOUCH,
     OVERLAP,
     ROLLING_CODE,
     SIDE,
     SKIN,
-    SUM_FORCE_COS,
-    SUM_FORCE_SIN,
-    SUM_LEDGER,
-    SUM_TOUCHES,
     TANGENTIAL,
     TENSION,
     TIME_STEP,
     TORQUE,
+    WALL_CONTACTS,
     WANTED_TOUCHES,
     WIDEST_TOUCH,
 )
@@ -68,16 +68,20 @@ def refresh_touches(w, step, old, buffer, thread, width, batch):
     touches, slots = batch.touches, batch.slots
     n, new = slots.codes[w, N_PARTICLE], 1 - old
     start = touches.start[w, new]
-    for i in range(thread, n, width):
-        start[i] = near_walls(w, i, new, -1, batch)
-    n_touch = running(start, n, buffer, thread, width)
-    if n_touch > touches.stamp.shape[1]:
-        if thread == 0:
-            slots.counts[w, WANTED_TOUCHES] = n_touch
-        return LISTS_FULL
-    for i in range(thread, n, width):
-        near_walls(w, i, new, start[i], batch)
-        remember(w, i, old, new, step, batch)
+    n_touch = 0
+    for fill in range(2):  # first count, then write
+        for i in range(thread, n, width):
+            found = near_walls(w, i, new, start[i] if fill > 0 else -1, batch)
+            if fill == 0:
+                start[i] = found
+            else:
+                remember(w, i, old, new, step, batch)
+        if fill == 0:
+            n_touch = running(start, n, buffer, thread, width)
+            if n_touch > touches.stamp.shape[1]:
+                if thread == 0:
+                    slots.counts[w, WANTED_TOUCHES] = n_touch
+                return LISTS_FULL
     if thread == 0:
         slots.counts[w, N_TOUCH] = n_touch
     cuda.syncthreads()
@@ -147,7 +151,7 @@ def remember(w, i, old, new, step, batch):
 
 
 @working
-def wall_forces(w, step, now, thread, width, batch, sums):
+def wall_forces(w, step, now, thread, width, batch):
     """Write the records of all touching particles and walls of world w, and add work, losses and Fourier sums to the
     thread's sums. `now` is the row of the container's motion at this step, see :mod:`graindamp.dem.gpu.kernels`."""
     bed, touches, slots, walls = batch.bed, batch.touches, batch.slots, batch.walls
@@ -156,7 +160,7 @@ def wall_forces(w, step, now, thread, width, batch, sums):
     kind, shapes, edges, laws = walls.kind[w], walls.shape[w], walls.edges[w], walls.law[w]
     firsts, element, home = touches.first[w, side], touches.element[w, side], touches.home[w, side]
     stamp, record, direction = touches.stamp[w], touches.record[w], batch.motion.timing[w]
-    time_step = slots.numbers[w, TIME_STEP]
+    time_step, sums = slots.numbers[w, TIME_STEP], slots.sums[w]
     inverse_step = REAL(1.0 / time_step)
     n_touch = slots.counts[w, N_TOUCH]
     loss_normal, loss_friction, loss_lid, loss_rolling, along, power = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -233,15 +237,15 @@ def wall_forces(w, step, now, thread, width, batch, sums):
                 along -= fx * direction[DIRECTION] + fy * direction[DIRECTION + 1] + fz * direction[DIRECTION + 2]
                 count += 1
     if count > 0:
-        sums[SUM_FORCE_COS, thread] += along * now[6]
-        sums[SUM_FORCE_SIN, thread] += along * now[7]
-        sums[SUM_LEDGER + WORK_CONTAINER, thread] -= power * time_step
-        sums[SUM_LEDGER + LOSS_NORMAL_WALL, thread] += loss_normal * time_step
-        sums[SUM_LEDGER + LOSS_FRICTION_WALL, thread] += loss_friction * time_step
-        sums[SUM_LEDGER + LOSS_LID, thread] += loss_lid * time_step
+        sums[FORCE_COS, thread] += along * now[6]
+        sums[FORCE_SIN, thread] += along * now[7]
+        sums[LEDGER + WORK_CONTAINER, thread] -= power * time_step
+        sums[LEDGER + LOSS_NORMAL_WALL, thread] += loss_normal * time_step
+        sums[LEDGER + LOSS_FRICTION_WALL, thread] += loss_friction * time_step
+        sums[LEDGER + LOSS_LID, thread] += loss_lid * time_step
         if WITH_ROLLING:
-            sums[SUM_LEDGER + LOSS_ROLLING, thread] += loss_rolling * time_step
-        sums[SUM_TOUCHES, thread] += count
+            sums[LEDGER + LOSS_ROLLING, thread] += loss_rolling * time_step
+        sums[WALL_CONTACTS, thread] += count
         sums[WIDEST_TOUCH, thread] = max(sums[WIDEST_TOUCH, thread], widest)
 
 
