@@ -181,11 +181,12 @@ class _Driver:
         if self.memory is None:
             self.resident = self.resident[: len(new)]
         wanted = self._room([resident.world for _, resident in new])
-        if self.memory is None or covering(wanted, self.memory.room) != self.memory.room:
-            if not self._grow(wanted):
-                self._fill()
-                return
-        assert self.memory is not None and self.kernels is not None
+        fits = self.memory is not None and covering(wanted, self.memory.room) == self.memory.room
+        if not fits and not self._grow(wanted):
+            self._fill()
+            return
+        assert self.memory is not None
+        assert self.kernels is not None
         for slot, resident in new:
             self.memory.load(slot, resident.world.loaded)
             self.kernels.clear[1, self.variant.threads](self.memory.batch, slot)
@@ -236,7 +237,8 @@ class _Driver:
         self.memory.write("slots", "codes", slot, codes)
 
     def _launch(self) -> None:
-        assert self.memory is not None and self.kernels is not None
+        assert self.memory is not None
+        assert self.kernels is not None
         begin = time.perf_counter()
         self.kernels.advance[len(self.resident), self.variant.threads](self.memory.batch, self.chunk)
         self.counts = self.memory.read("slots", "counts")

@@ -7,6 +7,8 @@ literals are of the working type too, because a bare 0.5 would promote single pr
 import importlib.util
 import math
 import os
+import sys
+import threading
 from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple, TypeVar
@@ -98,7 +100,24 @@ class _SimulatedCuda:
     def __getattr__(self, name: str) -> Any:
         from numba.cuda.simulator.kernel import _get_kernel_context
 
-        return getattr(_get_kernel_context(), name)
+        context = _get_kernel_context()
+        return _SimulatedShared(context) if name == "shared" else getattr(context, name)
+
+
+class _SimulatedShared:
+    """Shared arrays, one per line of the kernel. The simulator's own are sometimes made twice, where two threads ask at
+    the same time."""
+
+    lock = threading.Lock()
+
+    def __init__(self, context: Any) -> None:
+        self.context = context
+
+    def array(self, shape: Any, dtype: Any) -> Any:
+        """The array of the line that asks."""
+        with self.lock:
+            known = self.context.__dict__.setdefault("shared_arrays", {})
+            return known.setdefault(sys._getframe(1).f_lineno, np.zeros(shape, dtype))
 
 
 class Builder:
@@ -110,7 +129,8 @@ class Builder:
         self.built: dict[Any, Any] = {}
 
     def kernel(self, body: Callable[..., None]) -> Any:
-        """The body as a kernel, to be launched as kernel[blocks, threads](...)."""
+        """The body as a kernel, to be launched as kernel[blocks, threads](...). The compiler may use as many registers
+        as blocks of `Variant.threads` threads leave."""
         from numba import cuda
 
         options: dict[str, Any] = {"fastmath": self.variant.fast}
@@ -130,7 +150,8 @@ class Builder:
                 from numba import cuda
 
                 woven = body.__module__ in WORKING_MODULES or body.__module__ not in CALLED_MODULES
-                self.built[body] = cuda.jit(device=True, forceinline=woven, fastmath=self.variant.fast)(plain)
+                options: dict[str, Any] = {"device": True, "forceinline": woven, "fastmath": self.variant.fast}
+                self.built[body] = cuda.jit(**options)(plain)
         return self.built[body]
 
     def plain(self, body: Callable[..., Any]) -> FunctionType:

@@ -85,7 +85,7 @@ def advance(batch, limit):
             speeds(w, now, thread, batch)
         cuda.syncthreads()
         writes = step >= n_settle and ((step - n_settle) % per_row == 0 or step == end)
-        if stage == NEW or step == n_settle or writes or done == limit or step == target:
+        if writes or stage == NEW or step == n_settle or step == target or done == limit:  # noqa: SIM109
             occasion(here[0], step, stage, now, writes, buffer, thread, width, batch)
         stage = RUNNING
     cuda.syncthreads()

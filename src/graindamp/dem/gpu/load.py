@@ -49,6 +49,9 @@ PAIRS_PER_PARTICLE = 5.0
 TOUCHES_PER_PARTICLE = 1.0
 """Room for contacts with walls at first [-]."""
 
+LEAST_ROOM = 16
+"""Room for pairs, and for contacts with walls, of the smallest beds [-]."""
+
 
 class Loaded(NamedTuple):
     """One world as arrays of the host, without the slot axis and without padding."""
@@ -71,8 +74,8 @@ class Loaded(NamedTuple):
         return Room(
             slots=1,
             particles=n,
-            pairs=int(PAIRS_PER_PARTICLE * n) + 16,
-            touches=int(TOUCHES_PER_PARTICLE * n) + 16,
+            pairs=int(PAIRS_PER_PARTICLE * n) + LEAST_ROOM,
+            touches=int(TOUCHES_PER_PARTICLE * n) + LEAST_ROOM,
             rows=self.n_row,
             waves=motion["wave"].shape[0],
             samples=motion["series"].shape[0],

@@ -33,7 +33,7 @@ class Memory:
                 arrays[name] = _empty(shape, kind)
                 content = old(part, name)
                 if content is not None:
-                    host = np.zeros(shape, kind)
+                    host: NDArray[Any] = np.zeros(shape, kind)
                     host[tuple(slice(0, size) for size in content.shape)] = content
                     _put(arrays[name], host)
             parts[part] = PARTS[part](**arrays)
@@ -57,7 +57,7 @@ class Memory:
     def write(self, part: str, name: str, slot: int, value: NDArray[Any]) -> None:
         """Write one slot of an array; padding is zero."""
         shape, kind = self.layout[part][name]
-        host = np.zeros(shape[1:], kind)
+        host: NDArray[Any] = np.zeros(shape[1:], kind)
         host[tuple(slice(0, size) for size in np.shape(value))] = value
         array = self.array(part, name)
         if len(shape) == 1:
@@ -90,7 +90,8 @@ class Memory:
 
 def covering(one: Room, other: Room) -> Room:
     """The least room that covers both."""
-    return Room(*(max(a, b) for a, b in zip(one, other, strict=True)))
+    larger: Any = [max(a, b) for a, b in zip(one, other, strict=True)]
+    return Room(*larger)
 
 
 def _empty(shape: tuple[int, ...], kind: type) -> Any:

@@ -39,10 +39,9 @@ def cycles_of(rows: Real, plan: Plan) -> Cycles:
     """Force and speed of the whole cycles in the rows; (row, N_ROW)."""
     whole = rows[1:][np.abs(rows[1:, ROW_STEPS] - plan.per_cycle) < 0.5] if plan.per_cycle else rows[:0]
     scale = 2.0 / max(plan.per_cycle, 1)
-    return Cycles(
-        scale * (whole[:, FORCE_COS] - 1j * whole[:, FORCE_SIN]),
-        scale * (whole[:, SPEED_COS] - 1j * whole[:, SPEED_SIN]),
-    )
+    force = np.asarray(scale * (whole[:, FORCE_COS] - 1j * whole[:, FORCE_SIN]), np.complex128)
+    velocity = np.asarray(scale * (whole[:, SPEED_COS] - 1j * whole[:, SPEED_SIN]), np.complex128)
+    return Cycles(force, velocity)
 
 
 def energies_of(row: Real) -> Energies:
