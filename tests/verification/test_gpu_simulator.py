@@ -93,7 +93,7 @@ def test_walls_of_many_shapes(precision):
         {**STEEL, "name": "wall"},
         {"kind": "cylinder", "axis": "z", "radius": 0.015, "length": 0.05},
         inserts,
-        {"kind": "foam", "thickness": 5e-3, "coefficients": [2e3, 1e5, 1e7], "pressure": 0.0, "loss_factor": 0.3},
+        {"kind": "foam", "height": 0.045, "coefficients": [2e3, 1e5, 1e7], "travel": 5e-3, "loss_factor": 0.3},
         restitution=0.6,
         friction=0.2,
         tangential="tanh",
@@ -101,7 +101,7 @@ def test_walls_of_many_shapes(precision):
     )
     places = [
         [0.0, 0.0, 0.0439],
-        [3.3e-3, 0.5e-3, 0.01],
+        [2.855e-3, 1.207e-3, 0.01],
         [0.0, 5.1e-3, 0.0205],
         [0.0, -0.01385, 0.01],
         [0.005, -0.005, 1.1e-3],
