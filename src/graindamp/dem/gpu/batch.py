@@ -46,6 +46,11 @@ LAUNCH_SECONDS = 0.1
 FIRST_CHUNK = 200
 """Steps of the first launch [-]."""
 
+THREADS = 512
+"""Threads of a block: leaves a thread 128 registers, with which next to nothing spills to memory."""
+
+SIMULATED_THREADS = 4
+
 PRECISION = {"mixed": np.float32, "double": np.float64}
 """Working type by name: forces and velocities at contacts in single precision, or everything in double."""
 
@@ -97,7 +102,9 @@ def simulate_batch(
     if precision not in PRECISION:
         raise InputError(f'precision is "{precision}"; it can be "mixed" or "double"')
     require()
-    base = (variant or Variant())._replace(real=PRECISION[precision])
+    base = (variant or Variant(threads=SIMULATED_THREADS if simulated() else THREADS))._replace(
+        real=PRECISION[precision]
+    )
     driver = _Driver(iter(tasks), enough, base, Describer(folder, cache), slots or _slots_of(base), chunk, progress)
     yield from driver.results()
 
