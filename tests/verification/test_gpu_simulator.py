@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")
 
 from dem_made import FLOOR, STEEL, damper_of, harmonic, loose
-from gpu_made import bed_of, both, packing_of, quick_turns, spec_of
+from gpu_made import Team, bed_of, both, packing_of, quick_turns, spec_of
 from graindamp.dem.gpu import batch, load, memory
 from graindamp.dem.gpu.batch import Task, simulate_batch
 from graindamp.dem.gpu.device import Variant
@@ -62,6 +62,31 @@ def test_shaken_balls_move_as_on_the_processor(precision, contact):
     cpu, device = both(damper, eight_balls(), lambda: harmonic(60.0, 1e-3, (0.6, 0.0, 0.8)), 8e-6, 150, precision)
     assert cpu[3].lost > 1e-5  # there were impacts
     assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blocks", [2, 3])
+def test_a_team_of_blocks_shares_a_world(blocks):
+    """Blocks that run side by side and meet through a counter in memory."""
+    damper = damper_of(
+        STEEL,
+        {**STEEL, "name": "wall"},
+        {"kind": "box", "size": [0.0125, 0.0125, 0.03]},
+        restitution=0.7,
+        friction=0.3,
+        tangential="mindlin",
+        softening=1000.0,
+    )
+    cpu, device = both(
+        damper,
+        eight_balls(),
+        lambda: harmonic(60.0, 1e-3, (0.6, 0.0, 0.8)),
+        8e-6,
+        150,
+        "double",
+        team=Team(blocks, 4),
+    )
+    assert_close(device, cpu, DOUBLE)
 
 
 @pytest.mark.parametrize("precision", ["double", "mixed"])

@@ -203,7 +203,7 @@ class _Driver:
             self.memory.write("slots", "counts", slot, counts)
 
     def _room(self, worlds: list[Described]) -> Room:
-        rooms = [world.loaded.room(self.variant.threads) for world in worlds]
+        rooms = [world.loaded.room(self.variant.threads * self.variant.team) for world in worlds]
         room = rooms[0]
         for one in rooms[1:]:
             room = covering(room, one)
@@ -247,7 +247,9 @@ class _Driver:
         assert self.memory is not None
         assert self.kernels is not None
         begin = time.perf_counter()
-        self.kernels.advance[len(self.resident), self.variant.threads](self.memory.batch, self.chunk)
+        self.kernels.advance[len(self.resident) * self.variant.team, self.variant.threads](
+            self.memory.batch, self.chunk
+        )
         self.counts = self.memory.read("slots", "counts")
         spent = time.perf_counter() - begin
         work = [0.0] * len(self.resident)
@@ -314,4 +316,4 @@ def _slots_of(variant: Variant) -> int:
         return 2
     from numba import cuda
 
-    return int(cuda.get_current_device().MULTIPROCESSOR_COUNT) * max(1024 // variant.threads, 1)
+    return max(int(cuda.get_current_device().MULTIPROCESSOR_COUNT) * max(1024 // variant.threads, 1) // variant.team, 1)

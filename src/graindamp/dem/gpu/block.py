@@ -4,6 +4,9 @@
 
 from numba import cuda
 
+from graindamp.dem.gpu.columns import DUE, MEETINGS
+from graindamp.dem.gpu.device import TEAM
+
 
 def total(value, buffer, thread, width):
     """Sum of `value` over the threads, in the same order every time."""
@@ -65,3 +68,43 @@ def running(counts, n, buffer, thread, width):
         counts[n] = whole
     cuda.syncthreads()
     return whole
+
+
+def sum_of(row, thread, width):
+    """The thread's share of the sum of a row of numbers, one of every thread of the team."""
+    value = 0.0
+    for k in range(thread, row.shape[0], width):
+        value += row[k]
+    return value
+
+
+def most_of(row, thread, width):
+    """The thread's share of the largest of a row of numbers that are not negative."""
+    value = 0.0
+    for k in range(thread, row.shape[0], width):
+        value = max(value, row[k])
+    return value
+
+
+def meet(counts):
+    """Wait until all blocks of the team have come here, and see what they wrote. All of them must be running."""
+    cuda.syncthreads()
+    if TEAM > 1:
+        if cuda.threadIdx.x == 0:
+            cuda.threadfence()
+            arrived = cuda.atomic.add(counts, MEETINGS, 1)
+            wanted = (arrived // TEAM + 1) * TEAM
+            while cuda.atomic.add(counts, MEETINGS, 0) < wanted:
+                pass
+            cuda.threadfence()
+        cuda.syncthreads()
+
+
+def any_due(step, due, counts):
+    """1 if `due` holds for any thread of the team, else 0; a meeting."""
+    if TEAM > 1:
+        if due:
+            counts[DUE] = step
+        meet(counts)
+        return 1 if counts[DUE] == step else 0
+    return cuda.syncthreads_or(due)

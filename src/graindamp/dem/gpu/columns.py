@@ -20,7 +20,11 @@ NARROWINGS = 9
 WANTED_PAIRS = 10
 """Room that full lists asked for [-]."""
 WANTED_TOUCHES = 11
-N_COUNT = 12
+DUE = 12
+"""Last step at which a list was due, for the blocks of a team."""
+MEETINGS = 13
+"""Arrivals of blocks of the team at its meetings [-]."""
+N_COUNT = 14
 
 # Slots.codes
 N_PARTICLE = 0

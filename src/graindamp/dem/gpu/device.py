@@ -39,8 +39,9 @@ MISSING = 'the GPU back end needs numba-cuda; install it with: pip install "grai
 
 
 REAL = np.float64
-"""In bodies: the working type. These four are constants of the :class:`Variant` that a body is built for."""
+"""In bodies: the working type. These are constants of the :class:`Variant` that a body is built for."""
 THREADS = 256
+TEAM = 1
 WITH_SPRINGS = True
 WITH_ROLLING = True
 
@@ -56,6 +57,8 @@ class Variant(NamedTuple):
     """Whether some world has a tangential law with memory."""
     rolling: bool = True
     """Whether some world has rolling resistance."""
+    team: int = 1
+    """Blocks that share a world. All blocks of a launch must find room on the device at once if it is more than one."""
     fast: bool = False
     """Approximate division and square root in single precision."""
     registers: int = 0
@@ -63,7 +66,13 @@ class Variant(NamedTuple):
 
     def constants(self) -> dict[str, Any]:
         """Names in bodies and what stands in their place."""
-        return {"REAL": self.real, "THREADS": self.threads, "WITH_SPRINGS": self.springs, "WITH_ROLLING": self.rolling}
+        return {
+            "REAL": self.real,
+            "THREADS": self.threads,
+            "TEAM": self.team,
+            "WITH_SPRINGS": self.springs,
+            "WITH_ROLLING": self.rolling,
+        }
 
 
 def working(body: Body) -> Body:

@@ -174,6 +174,7 @@ class Room(NamedTuple):
     cells: int
     entries: int
     threads: int
+    """Threads of a world, of all its blocks."""
     springs: bool
     rolling: bool
 

@@ -5,7 +5,7 @@ from math import cos, sin, sqrt
 
 from graindamp.dem.columns import GRIP_STIFFNESS
 from graindamp.dem.energy import elastic_energy, spring_energy
-from graindamp.dem.gpu.block import largest, total
+from graindamp.dem.gpu.block import largest, most_of, sum_of, total
 from graindamp.dem.gpu.columns import (
     ARMS,
     BED_MASS,
@@ -153,10 +153,10 @@ def renew(w, step, buffer, thread, width, batch):
     slots = batch.slots
     numbers, counts, sums = slots.numbers[w], slots.counts[w], slots.sums[w]
     skin, reach, old = numbers[SKIN], numbers[REACH], counts[SIDE]
-    inner = largest(sums[WAY_INNER, thread], buffer, thread, width)
-    outer = largest(sums[WAY_OUTER, thread], buffer, thread, width)
-    wall = largest(sums[WAY_WALL, thread], buffer, thread, width)
-    last = largest(sums[WAY_LAST, thread], buffer, thread, width)
+    inner = largest(most_of(sums[WAY_INNER], thread, width), buffer, thread, width)
+    outer = largest(most_of(sums[WAY_OUTER], thread, width), buffer, thread, width)
+    wall = largest(most_of(sums[WAY_WALL], thread, width), buffer, thread, width)
+    last = largest(most_of(sums[WAY_LAST], thread, width), buffer, thread, width)
     if 2.0 * outer >= skin or wall >= skin:
         status = refresh_touches(w, step, old, buffer, thread, width, batch)
         if status == 0:
@@ -166,12 +166,14 @@ def renew(w, step, buffer, thread, width, batch):
                 counts[STATUS] |= status
             return status
         carry(w, buffer, thread, width, batch)
-        sums[WAY_OUTER, thread] = sums[WAY_WALL, thread] = 0.0
+        for k in range(thread, sums.shape[1], width):
+            sums[WAY_OUTER, k] = sums[WAY_WALL, k] = 0.0
         outer = reach = 0.0
         if thread == 0:
             counts[REFRESHES] += 1
     if 2.0 * inner >= reach:
-        sums[WAY_INNER, thread] = 0.0
+        for k in range(thread, sums.shape[1], width):
+            sums[WAY_INNER, k] = 0.0
         reach = min(2.0 * INNER_STEPS * last, skin - 2.0 * outer)
         if thread == 0:
             numbers[REACH] = reach
@@ -242,9 +244,10 @@ def set_off(w, now, thread, width, batch):
                 speed = bed.velocity_shown[w, c, i]
                 bed.spin[w, c, i] = bed.spin_shown[w, c, i] - turn * bed.load[w, 3 + c, i]
             bed.velocity[w, c, i] = speed - half * (pull - now[c])
-    for k in range(N_SUM):
-        sums[k, thread] = 0.0
-    sums[WAY_OUTER, thread] = BEYOND
+    for t in range(thread, sums.shape[1], width):
+        for k in range(N_SUM):
+            sums[k, t] = 0.0
+        sums[WAY_OUTER, t] = BEYOND
     for k in range(thread, slots.impact.shape[2], width):
         slots.impact[w, 0, k] = slots.impact[w, 1, k] = 0
 
@@ -268,7 +271,7 @@ def write_row(w, step, now, buffer, thread, width, batch):
     stored(w, now, thread, width, batch)
     sums[ELASTIC, thread] = elastic_pairs(w, step, thread, width, batch) + elastic_walls(w, step, thread, width, batch)
     for k in range(N_TOTAL):
-        value = total(sums[k, thread], buffer, thread, width)
+        value = total(sum_of(sums[k], thread, width), buffer, thread, width)
         if thread == 0 and row < slots.rows.shape[1]:
             slots.rows[w, row, k] = value
     if thread == 0 and row < slots.rows.shape[1]:
@@ -276,8 +279,9 @@ def write_row(w, step, now, buffer, thread, width, batch):
         slots.rows[w, row, ROW_STEPS] = rest if rest > 0 else slots.codes[w, PER_ROW]
         slots.rows[w, row, ROW_TIME] = since * slots.numbers[w, TIME_STEP]
         slots.counts[w, ROW] = row + 1
-    for k in range(4):
-        sums[k, thread] = 0.0
+    for t in range(thread, sums.shape[1], width):
+        for k in range(4):
+            sums[k, t] = 0.0
 
 
 def stored(w, now, thread, width, batch):
