@@ -113,6 +113,7 @@ class Batch:
         from graindamp.dem.gpu.batch import PRECISION
         from graindamp.dem.gpu.columns import NEW, STAGE, TARGET
         from graindamp.dem.gpu.device import Variant
+        from graindamp.dem.gpu.kernels import kernels_of
         from graindamp.dem.gpu.load import loaded
         from graindamp.dem.gpu.memory import Memory
 
@@ -135,11 +136,12 @@ class Batch:
                     given=given,
                 )
             )
-        room = loads[0].room(threads)._replace(slots=worlds)
+        self.team = options.get("team", 1)
+        room = loads[0].room(threads * self.team)._replace(slots=worlds)
         real = PRECISION[precision]
-        key = (precision, options.get("limit", threads), options.get("registers", 0), options.get("fast", False))
-        variant = Variant(real, key[1], room.springs, room.rolling, key[3], key[2])
-        self.kernels = _kernels(key, variant)
+        limit = options.get("limit", threads)
+        variant = Variant(real, limit, room.springs, room.rolling, self.team > 1, options.get("fast", False))
+        self.kernels = kernels_of(variant)
         self.memory = Memory(room, real)
         for slot in range(worlds):
             world = loads[slot % len(loads)]
@@ -160,23 +162,12 @@ class Batch:
 
         before = self.memory.read("slots", "counts")[:, STEP].sum()
         begin = time.perf_counter()
-        self.kernels.advance[self.worlds, self.threads](self.memory.batch, n_step)
+        self.kernels.advance[self.worlds * self.team, self.threads](self.memory.batch, n_step)
         counts = self.memory.read("slots", "counts")
         seconds = time.perf_counter() - begin
         if counts[:, STATUS].any():
             raise RuntimeError(f"worlds stopped with status {set(counts[:, STATUS].tolist())}")
         return seconds, int(counts[:, STEP].sum() - before) * self.n
-
-
-KERNELS: dict[Any, Any] = {}
-
-
-def _kernels(key: Any, variant: Any) -> Any:
-    from graindamp.dem.gpu.kernels import kernels_of
-
-    if key not in KERNELS:
-        KERNELS[key] = kernels_of(variant)
-    return KERNELS[key]
 
 
 def rate(batch: Batch, seconds: float) -> float:
@@ -356,18 +347,29 @@ def _read(path: Path) -> list[list[float]]:
         return [[float(x) for x in row[2:]] for row in list(csv.reader(file))[1:]]
 
 
-def time_variants(scene: Scene, limits: Limits, worlds: int, found: dict[str, Any]) -> None:
-    """Threads, registers and arithmetic of the kernel."""
-    for threads, limit, fast in ((512, 512, False), (256, 512, False), (1024, 1024, False), (512, 512, True)):
-        name = f"{threads} threads, registers of {limit}{', fast' if fast else ''}"
-        if threads > 4 and scene.states[0].bed.radius.size < 10:
-            threads, limit = 4, 4
-        batch = Batch(scene, worlds, "mixed", threads, 10**7, limit=limit, fast=fast)
+def time_variants(scene: Scene, limits: Limits, every: bool, found: dict[str, Any]) -> None:
+    """Threads, registers, blocks per world and arithmetic of the kernel; `every`: also those that are unlikely to win,
+    each of which costs a minute of compilation."""
+    many, tiny = limits.worlds[-1], len(scene.states[0].bed.radius) < 10
+
+    def measured(name: str, worlds: int, precision: str, threads: int, **options: Any) -> None:
+        if tiny:  # the simulator's threads are slow, and its blocks run one after the other
+            threads, options["limit"], options["team"] = 4, 4, 1
+        batch = Batch(scene, worlds, precision, threads, 10**7, **options)
         found[name] = rate(batch, limits.seconds)
         print(f"  {name}: {found[name]:.3e}", flush=True)
-    batch = Batch(scene, worlds, "double", _threads(), 10**7)
-    found["double"] = rate(batch, limits.seconds)
-    print(f"  double: {found['double']:.3e}", flush=True)
+
+    measured(f"{many} worlds, 512 threads", many, "mixed", 512)
+    measured(f"{many} worlds, 256 threads", many, "mixed", 256, limit=512)
+    measured("1 world, 512 threads", 1, "mixed", 512)
+    for team in (4, 16, 64):
+        measured(f"1 world, {team} blocks of 512 threads", 1, "mixed", 512, team=team)
+    measured("16 worlds, 8 blocks of 512 threads", 16 if not tiny else 2, "mixed", 512, team=8)
+    measured(f"{many} worlds, double", many, "double", 512)
+    if every:
+        measured(f"{many} worlds, 1024 threads", many, "mixed", 1024)
+        measured(f"{many} worlds, 256 threads, registers of 256", many, "mixed", 256)
+        measured(f"{many} worlds, 512 threads, fast", many, "mixed", 512, fast=True)
 
 
 def time_table(data: Path, limits: Limits, rehearse: bool, left: Callable[[], float], found: dict[str, Any]) -> None:
@@ -464,6 +466,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE / "results", help="folder of the results")
     parser.add_argument("--prepare", action="store_true", help="make beds and answers on the processor")
     parser.add_argument("--baseline", action="store_true", help="with --prepare: the baseline damper too, half an hour")
+    parser.add_argument(
+        "--every", action="store_true", help="also time variants of the kernel that are unlikely to win"
+    )
     parser.add_argument("--rehearse", action="store_true", help="tiny sizes in numba's simulator")
     arguments = parser.parse_args()
     if arguments.prepare:
@@ -484,7 +489,7 @@ def main() -> None:
     parts: list[tuple[str, Callable[[dict[str, Any]], None]]] = [
         ("restitution", check_restitution),
         ("trajectories", lambda found: check_trajectories(scene_of(middle, data, rehearse), limits, found)),
-        ("variants", lambda found: time_variants(scene_of(largest, data, rehearse), limits, limits.worlds[-1], found)),
+        ("variants", lambda found: time_variants(scene_of(largest, data, rehearse), limits, arguments.every, found)),
         ("field", lambda found: check_points("field", data, rehearse, found)),
         ("rates", lambda found: time_table(data, limits, rehearse, left, found)),
         ("baseline", lambda found: check_points("baseline", data, rehearse, found)),

@@ -54,6 +54,7 @@ class Team:
         self.made, self.lock = {}, threading.Lock()
         self.shared = self.atomic = self
 
+    gridDim = property(lambda self: _Place(self.blocks))
     blockDim = property(lambda self: _Place(self.threads))
     threadIdx = property(lambda self: _Place(self.own.thread))
     blockIdx = property(lambda self: _Place(self.own.block))
@@ -121,7 +122,7 @@ def both(
     blocks = 1 if team is None else team.blocks
     room = world.room(THREADS * blocks)
     memory = Memory(room, REAL[precision])
-    variant = Variant(REAL[precision], THREADS, room.springs, room.rolling, blocks)
+    variant = Variant(REAL[precision], THREADS, room.springs, room.rolling, team is not None)
     memory.load(0, world)
     codes = world.arrays["slots"]["codes"].copy()
     codes[TARGET] = n_step

@@ -79,7 +79,7 @@ def laws_of(precision: str) -> dict[str, dict[str, int]]:
 def kernel_of(name: str, precision: str, features: bool) -> dict[str, int]:
     """What is in a kernel."""
     real, own, other = WORKING[precision]
-    ptx = kernel(name, Variant(real, 512, springs=features, rolling=features))
+    ptx = kernel(name, Variant(real, 512, springs=features, rolling=features, teams=features))
     return {
         "entries": ptx.count(".visible .entry"),
         "target": int("sm_90" in ptx),

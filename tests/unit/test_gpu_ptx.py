@@ -37,7 +37,7 @@ def test_contact_laws_compute_in_one_precision(precision):
 @pytest.mark.slow
 @pytest.mark.parametrize(("precision", "features"), [("mixed", "springs"), ("double", "plain")])
 def test_the_kernel_compiles(precision, features):
-    """In both precisions, with and without springs. No atomic sums: their order would show."""
+    """In both precisions, with and without springs and teams. No atomic sums: their order would show."""
     found = compiled("advance", precision, features)
     assert found["entries"] == found["target"] == 1
     assert found["barriers"] > 10

@@ -72,6 +72,7 @@ def simulate_batch(
     cache: Path | None = None,
     slots: int | None = None,
     chunk: int | None = None,
+    team: int = 1,
     variant: Variant | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Iterator[tuple[int, Run]]:
@@ -90,6 +91,8 @@ def simulate_batch(
         cache: folder of stored packings; None: that of the user.
         slots: operating points that run at once; None: as many as keep the GPU busy.
         chunk: steps per launch; None: as many as take a tenth of a second.
+        team: thread blocks per operating point, for fewer operating points than the GPU has multiprocessors; `slots`
+            times `team` may not exceed what runs on the GPU at once.
         variant: what the kernels are compiled for, for experiments; its precision and features are filled in.
         progress: called after every launch with operating points finished and particle-steps done.
 
@@ -102,10 +105,13 @@ def simulate_batch(
     if precision not in PRECISION:
         raise InputError(f'precision is "{precision}"; it can be "mixed" or "double"')
     require()
-    base = (variant or Variant(threads=SIMULATED_THREADS if simulated() else THREADS))._replace(
-        real=PRECISION[precision]
-    )
-    driver = _Driver(iter(tasks), enough, base, Describer(folder, cache), slots or _slots_of(base), chunk, progress)
+    base = variant or Variant(threads=SIMULATED_THREADS if simulated() else THREADS)
+    base = base._replace(real=PRECISION[precision], teams=team > 1)
+    blocks = _blocks_of(base)
+    slots = slots or max(blocks // team, 1)
+    if team > 1 and slots * team > blocks:
+        raise InputError(f"{slots} slots of {team} blocks are more than the {blocks} that run at once; use fewer")
+    driver = _Driver(iter(tasks), enough, base, Describer(folder, cache), slots, team, chunk, progress)
     yield from driver.results()
 
 
@@ -143,10 +149,12 @@ class _Driver:
         variant: Variant,
         describer: Describer,
         slots: int,
+        team: int,
         chunk: int | None,
         progress: Callable[[int, float], None] | None,
     ) -> None:
         self.tasks, self.enough, self.variant, self.describer = enumerate(tasks), enough, variant, describer
+        self.team = team
         self.chunk, self.adapt, self.progress = chunk or FIRST_CHUNK, chunk is None and not simulated(), progress
         self.waiting: deque[tuple[int, Described]] = deque()
         self.resident: list[_Resident | None] = [None] * slots
@@ -203,7 +211,7 @@ class _Driver:
             self.memory.write("slots", "counts", slot, counts)
 
     def _room(self, worlds: list[Described]) -> Room:
-        rooms = [world.loaded.room(self.variant.threads * self.variant.team) for world in worlds]
+        rooms = [world.loaded.room(self.variant.threads * self.team) for world in worlds]
         room = rooms[0]
         for one in rooms[1:]:
             room = covering(room, one)
@@ -247,9 +255,7 @@ class _Driver:
         assert self.memory is not None
         assert self.kernels is not None
         begin = time.perf_counter()
-        self.kernels.advance[len(self.resident) * self.variant.team, self.variant.threads](
-            self.memory.batch, self.chunk
-        )
+        self.kernels.advance[len(self.resident) * self.team, self.variant.threads](self.memory.batch, self.chunk)
         self.counts = self.memory.read("slots", "counts")
         spent = time.perf_counter() - begin
         work = [0.0] * len(self.resident)
@@ -310,10 +316,10 @@ class _Driver:
                 self.memory.write("slots", "counts", slot, counts)
 
 
-def _slots_of(variant: Variant) -> int:
-    """Worlds that fill the GPU: as many blocks as its multiprocessors hold at a time."""
+def _blocks_of(variant: Variant) -> int:
+    """Blocks that fill the GPU: as many as its multiprocessors hold at a time."""
     if simulated():
         return 2
     from numba import cuda
 
-    return max(int(cuda.get_current_device().MULTIPROCESSOR_COUNT) * max(1024 // variant.threads, 1) // variant.team, 1)
+    return int(cuda.get_current_device().MULTIPROCESSOR_COUNT) * max(1024 // variant.threads, 1)

@@ -5,7 +5,7 @@
 from numba import cuda
 
 from graindamp.dem.gpu.columns import DUE, MEETINGS
-from graindamp.dem.gpu.device import TEAM
+from graindamp.dem.gpu.device import TEAMS
 
 
 def total(value, buffer, thread, width):
@@ -86,25 +86,25 @@ def most_of(row, thread, width):
     return value
 
 
-def meet(counts):
-    """Wait until all blocks of the team have come here, and see what they wrote. All of them must be running."""
+def meet(counts, team):
+    """Wait until all `team` blocks of the world have come here, and see what they wrote. All must be running."""
     cuda.syncthreads()
-    if TEAM > 1:
+    if TEAMS:
         if cuda.threadIdx.x == 0:
             cuda.threadfence()
             arrived = cuda.atomic.add(counts, MEETINGS, 1)
-            wanted = (arrived // TEAM + 1) * TEAM
+            wanted = (arrived // team + 1) * team
             while cuda.atomic.add(counts, MEETINGS, 0) < wanted:
                 pass
             cuda.threadfence()
         cuda.syncthreads()
 
 
-def any_due(step, due, counts):
+def any_due(step, due, counts, team):
     """1 if `due` holds for any thread of the team, else 0; a meeting."""
-    if TEAM > 1:
+    if TEAMS:
         if due:
             counts[DUE] = step
-        meet(counts)
+        meet(counts, team)
         return 1 if counts[DUE] == step else 0
     return cuda.syncthreads_or(due)

@@ -41,7 +41,7 @@ MISSING = 'the GPU back end needs numba-cuda; install it with: pip install "grai
 REAL = np.float64
 """In bodies: the working type. These are constants of the :class:`Variant` that a body is built for."""
 THREADS = 256
-TEAM = 1
+TEAMS = False
 WITH_SPRINGS = True
 WITH_ROLLING = True
 
@@ -57,8 +57,9 @@ class Variant(NamedTuple):
     """Whether some world has a tangential law with memory."""
     rolling: bool = True
     """Whether some world has rolling resistance."""
-    team: int = 1
-    """Blocks that share a world. All blocks of a launch must find room on the device at once if it is more than one."""
+    teams: bool = False
+    """Whether several blocks share a world: those of the launch over the slots. All must find room on the device at
+    once, or the launch never ends."""
     fast: bool = False
     """Approximate division and square root in single precision."""
     registers: int = 0
@@ -69,7 +70,7 @@ class Variant(NamedTuple):
         return {
             "REAL": self.real,
             "THREADS": self.threads,
-            "TEAM": self.team,
+            "TEAMS": self.teams,
             "WITH_SPRINGS": self.springs,
             "WITH_ROLLING": self.rolling,
         }

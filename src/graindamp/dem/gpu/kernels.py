@@ -29,7 +29,7 @@ from graindamp.dem.gpu.columns import (
     TARGET,
     WAY_OUTER,
 )
-from graindamp.dem.gpu.device import TEAM, THREADS, Builder, Variant
+from graindamp.dem.gpu.device import TEAMS, THREADS, Builder, Variant
 from graindamp.dem.gpu.forces import pair_forces
 from graindamp.dem.gpu.lists import FREE
 from graindamp.dem.gpu.steps import container, drift, occasion, renew, speeds
@@ -46,9 +46,12 @@ def advance(batch, limit):
     # The slot is read from shared memory anew after each barrier, so that the compiler keeps no addresses of one part
     # of a step in registers during the other.
     here = cuda.shared.array(1, np.int64)
-    thread, width, w = cuda.threadIdx.x, cuda.blockDim.x, cuda.blockIdx.x // TEAM
-    first = cuda.blockIdx.x % TEAM == 0
-    own, every = (cuda.blockIdx.x % TEAM) * width + thread, TEAM * width
+    thread, width, team = cuda.threadIdx.x, cuda.blockDim.x, 1
+    if TEAMS:
+        team = cuda.gridDim.x // batch.slots.counts.shape[0]
+    w = cuda.blockIdx.x // team
+    first = cuda.blockIdx.x % team == 0
+    own, every = (cuda.blockIdx.x % team) * width + thread, team * width
     counts, codes = batch.slots.counts[w], batch.slots.codes[w]
     stage, step, status, done = counts[STAGE], counts[STEP], counts[STATUS], 0
     target, n_settle, per_row, end = codes[TARGET], codes[N_SETTLE], codes[PER_ROW], codes[END]
@@ -58,7 +61,7 @@ def advance(batch, limit):
         here[0] = w
         for c in range(8):
             moving[step % 2, c] = batch.slots.numbers[w, MOVING + c]
-    meet(counts)
+    meet(counts, team)
     while stage != RUNNING or (step < target and done < limit):
         due = 1
         if stage == RUNNING:
@@ -66,14 +69,14 @@ def advance(batch, limit):
             # The last thread, which may have a particle less than the others, moves the container on.
             if first and thread == width - 1:
                 container(w, step + 1, batch, moving[(step + 1) % 2])
-                if TEAM > 1:
+                if TEAMS:
                     for c in range(8):
                         batch.slots.numbers[w, MOVING + c] = moving[(step + 1) % 2, c]
             due = drift(w, step, moving[step % 2], own, every, batch)
             step += 1
             done += 1
-        due = any_due(step, due, batch.slots.counts[here[0]])
-        if TEAM > 1:
+        due = any_due(step, due, batch.slots.counts[here[0]], team)
+        if TEAMS:
             if thread == 0:
                 for c in range(8):
                     moving[step % 2, c] = batch.slots.numbers[here[0], MOVING + c]
@@ -81,7 +84,7 @@ def advance(batch, limit):
         if due:
             if first:
                 renew(here[0], step, buffer, thread, width, batch)
-            meet(batch.slots.counts[here[0]])
+            meet(batch.slots.counts[here[0]], team)
             status = batch.slots.counts[here[0], STATUS]
             if status != 0:
                 if stage == RUNNING:
@@ -93,12 +96,12 @@ def advance(batch, limit):
         wall_forces(w, step, now, own, every, batch)
         if own == 0:
             speeds(w, now, own, batch)
-        meet(batch.slots.counts[here[0]])
+        meet(batch.slots.counts[here[0]], team)
         writes = step >= n_settle and ((step - n_settle) % per_row == 0 or step == end)
         if writes or stage == NEW or step == n_settle or step == target or done == limit:  # noqa: SIM109
             if first:
                 occasion(here[0], step, stage, now, writes, buffer, thread, width, batch)
-            meet(batch.slots.counts[here[0]])
+            meet(batch.slots.counts[here[0]], team)
         stage = RUNNING
     if own == 0:
         w = here[0]
