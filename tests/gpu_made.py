@@ -105,14 +105,24 @@ class Team:
 
 
 def both(
-    damper, bed, motion, time_step, n_step, precision, gravity=(0.0, 0.0, -9.81), skin=None, lid_height=None, team=None
+    damper,
+    bed,
+    motion,
+    time_step,
+    n_step,
+    precision,
+    gravity=(0.0, 0.0, -9.81),
+    skin=None,
+    lid_height=None,
+    team=None,
+    folder=None,
 ):
     """Positions, velocities, spins, energies and Fourier sums after `n_step` steps: on the processor, on the device.
 
     Both start from the same positions and velocities; `motion` is a function that makes the container's motion anew. A
     `team` of blocks works on the world in place of one."""
     interactions = interactions_of(damper)
-    enclosure = enclosure_of(damper, interactions, lid_height)
+    enclosure = enclosure_of(damper, interactions, lid_height, folder=folder)
     skin = 0.1 * float(bed.radius.min()) if skin is None else skin
     worlds = world_of(bed, enclosure, interactions, gravity, time_step, motion(), skin=skin, n_cycle=1)
     worlds = run(start(worlds), n_step)

@@ -141,6 +141,22 @@ def test_walls_of_many_shapes(precision):
     assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
 
 
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_wall_of_a_mesh(precision, tmp_path):
+    """Balls at a face, an edge between two coplanar triangles, and a corner of a box."""
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box(bounds=[[0, 0, 0], [20, 20, 20]]).export(tmp_path / "box.stl")
+    mesh = {"kind": "mesh", "file": "box.stl", "length_unit": "mm"}
+    damper = damper_of(
+        STEEL, {**STEEL, "name": "wall"}, mesh, restitution=0.6, friction=0.2, tangential="mindlin", softening=1000.0
+    )
+    places = [[0.006, 0.012, 1.05e-3], [0.0101, 0.01, 1.05e-3], [1.1e-3, 1.05e-3, 0.01]]
+    bed = bed_of(places, 1e-3, [[0.1, 0.2, -0.5], [-0.4, 0.1, -0.5], [-0.5, -0.4, 0.3]])
+    cpu, device = both(damper, bed, motion_at_rest, 5e-6, 80, precision, folder=tmp_path)
+    assert cpu[3].loss_normal_wall > 0.0
+    assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
 TASKS = [(6, 1000.0, 100.0), (4, 1300.0, 150.0), (5, 1100.0, 40.0)]
 """Particles, frequency [Hz], intensity."""
 
