@@ -37,20 +37,47 @@ either way, and d / (e onset) must stay finite."""
 def begin(w, i, j, wall, particles, material, rules, rate, grip):
     """Fill `grip` for a contact of particle i that begins at approach speed `rate`.
 
-    The second body j is a particle, or, with `wall`, an element without radius and mass of its own: R* and m* are
-    then those of the particle. `material` is that of the second bodies.
+    The second body j is a particle, or, with `wall`, an element. `material` is that of the second bodies.
     """
-    a, b, pair, law = particles.material[w, i], material[j], rules.pair[w], rules.normal[w]
-    radius_a, mass = particles.position[w, i, 3], 1.0 / particles.inverse_mass[w, i, 0]
-    radius, other = radius_a, radius_a
+    radius, mass = 0.0, 0.0
     if not wall:
-        other = particles.position[w, j, 3]
-        radius = radius_a * other / (radius_a + other)
-        mass = 1.0 / (particles.inverse_mass[w, i, 0] + particles.inverse_mass[w, j, 0])
+        radius, mass = particles.position[w, j, 3], 1.0 / particles.inverse_mass[w, j, 0]
+    begin_between(
+        particles.material[w, i],
+        material[j],
+        particles.position[w, i, 3],
+        radius,
+        1.0 / particles.inverse_mass[w, i, 0],
+        mass,
+        rules.normal[w],
+        rules.tangential[w],
+        rules.pair[w],
+        rules.loss[w],
+        rate,
+        grip,
+    )
+
+
+@inner
+def renew(a, b, w, rules, rate, grip):
+    """Set the damping constants in `grip` for materials a and b and the approach speed `rate` [m/s]."""
+    renew_between(a, b, rules.normal[w], rules.pair[w], rules.loss[w], rate, grip)
+
+
+@inner
+def begin_between(a, b, radius_a, radius_b, mass_a, mass_b, law, tangential, pair, loss, rate, grip):
+    """Fill `grip` for a contact of materials a and b that begins at approach speed `rate`.
+
+    A wall has no radius and no mass of its own: give `radius_b` <= 0, and R* = radius_a, m* = mass_a.
+    """
+    wall = radius_b <= 0.0
+    radius = radius_a if wall else radius_a * radius_b / (radius_a + radius_b)
+    mass = mass_a if wall else mass_a * mass_b / (mass_a + mass_b)
     if law == NormalLaw.LINEAR:
         stiffness = pair[a, b, STIFFNESS]
         shear = stiffness * pair[a, b, SHEAR]
         if pair[a, b, RULE] > 0.5:
+            other = radius_a if wall else radius_b
             stiffness = 1.0 / (1.0 / (pair[a, b, STIFFNESS] * radius_a) + 1.0 / (pair[b, a, STIFFNESS] * other))
             shear = 1.0 / (1.0 / (pair[a, b, SHEAR] * radius_a) + 1.0 / (pair[b, a, SHEAR] * other))
     else:
@@ -58,15 +85,14 @@ def begin(w, i, j, wall, particles, material, rules, rate, grip):
         shear = pair[a, b, SHEAR] * sqrt(radius)
     grip[GRIP_STIFFNESS] = stiffness
     grip[GRIP_FRICTION] = pair[a, b, FRICTION]
-    grip[GRIP_TANGENTIAL] = shear if rules.tangential[w] >= TangentialLaw.MINDLIN else pair[a, b, SMOOTHING]
+    grip[GRIP_TANGENTIAL] = shear if tangential >= TangentialLaw.MINDLIN else pair[a, b, SMOOTHING]
     grip[MASS] = mass
-    renew(a, b, w, rules, rate, grip)
+    renew_between(a, b, law, pair, loss, rate, grip)
 
 
 @inner
-def renew(a, b, w, rules, rate, grip):
-    """Set the damping constants in `grip` for materials a and b and the approach speed `rate` [m/s]."""
-    law, pair, loss = rules.normal[w], rules.pair[w], rules.loss[w]
+def renew_between(a, b, law, pair, loss, rate, grip):
+    """As :func:`renew`, from the tables of one world."""
     speed = max(rate, SLOWEST)
     place = speed / (speed + pair[a, b, SPEED_SCALE]) * (N_NODE - 1)
     node = min(int(place), N_NODE - 2)

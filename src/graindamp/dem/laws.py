@@ -102,6 +102,21 @@ def friction_smoothed(force, friction, slip_square, smoothing, limit):
 
 
 @pointwise
+def normal_force(law, overlap, overlap_rate, stiffness, damping, least, dashpot_limit, tension):
+    """Normal force of law `law` and the elastic part of it [N]; arguments as the laws it chooses from."""
+    if law == NormalLaw.HERTZ_GONTHIER:
+        elastic = elastic_hertz(overlap, stiffness)
+        normal = normal_gonthier(elastic, overlap_rate, damping, least, dashpot_limit)
+    elif law == NormalLaw.HERTZ_VISCOELASTIC:
+        elastic = elastic_hertz(overlap, stiffness)
+        normal = normal_viscous(elastic, damping * sqrt(sqrt(overlap)), overlap_rate, dashpot_limit, tension)
+    else:
+        elastic = stiffness * overlap
+        normal = normal_viscous(elastic, damping, overlap_rate, dashpot_limit, tension)
+    return normal, elastic
+
+
+@pointwise
 def dashpot_of(law, overlap, elastic, damping, dashpot_limit):
     """Dashpot of the normal law [N s/m], which a spring's tangential dashpot is a fraction of."""
     if law == NormalLaw.HERTZ_GONTHIER:

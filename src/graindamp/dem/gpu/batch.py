@@ -1,0 +1,325 @@
+"""Many operating points at once on one GPU: each has a slot while it runs, and leaves it to the next one when it is
+known well enough."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graindamp.dem.gpu.columns import (
+    IDLE,
+    N_ROW,
+    NEW,
+    ROW,
+    STAGE,
+    STATUS,
+    STEP,
+    TARGET,
+    WANTED_PAIRS,
+    WANTED_TOUCHES,
+)
+from graindamp.dem.gpu.device import Variant, require, simulated
+from graindamp.dem.gpu.kernels import Kernels, kernels_of
+from graindamp.dem.gpu.load import Described, Describer
+from graindamp.dem.gpu.memory import Memory, covering
+from graindamp.dem.gpu.outcome import cycles_of, run_of
+from graindamp.dem.gpu.state import Room
+from graindamp.dem.packing_store import Packing
+from graindamp.dem.run import BedState, Run
+from graindamp.dem.simulate import Enough
+from graindamp.errors import InputError
+from graindamp.spec.simulation import SimulationSpec
+from graindamp.status import Status
+
+LISTS_FULL = int(Status.LISTS_FULL)
+
+GROWTH = 1.3
+"""Factor by which lists grow beyond what a world asked for [-]."""
+
+LAUNCH_SECONDS = 0.1
+"""Time that one launch shall take [s]: long beside what the host does between two, short beside a cycle."""
+
+FIRST_CHUNK = 200
+"""Steps of the first launch [-]."""
+
+THREADS = 512
+"""Threads of a block: leaves a thread 128 registers, with which next to nothing spills to memory."""
+
+SIMULATED_THREADS = 4
+
+PRECISION = {"mixed": np.float32, "double": np.float64}
+"""Working type by name: forces and velocities at contacts in single precision, or everything in double."""
+
+
+class Task(NamedTuple):
+    """One operating point to simulate; arguments as of :func:`graindamp.dem.simulate.simulate`."""
+
+    spec: SimulationSpec
+    packing: Packing | None = None
+    start: BedState | None = None
+
+
+def simulate_batch(
+    tasks: Iterable[Task],
+    *,
+    enough: Callable[[int], Enough] | None = None,
+    precision: str = "mixed",
+    folder: Path | None = None,
+    cache: Path | None = None,
+    slots: int | None = None,
+    chunk: int | None = None,
+    team: int = 1,
+    variant: Variant | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Iterator[tuple[int, Run]]:
+    """Simulate operating points side by side on one GPU.
+
+    Each is simulated as :func:`graindamp.dem.simulate.simulate` does it. A run holds cycles, energies at the end of
+    every cycle, impacts and the final bed; it holds no force series. Results do not depend on which operating points
+    ran beside it, nor on `slots` and `chunk`.
+
+    Args:
+        tasks: operating points; taken from the iterable when a slot is free, so that it may be endless for a while.
+        enough: called with the number of a task; gives what is asked after its cycles whether it may end. If that has
+            an attribute `next_look`, it is not asked before so many cycles.
+        precision: "mixed" or "double".
+        folder: what files in the descriptions are relative to; None: the working folder.
+        cache: folder of stored packings; None: that of the user.
+        slots: operating points that run at once; None: as many as keep the GPU busy.
+        chunk: steps per launch; None: as many as take a tenth of a second.
+        team: thread blocks per operating point, for fewer operating points than the GPU has multiprocessors; `slots`
+            times `team` may not exceed what runs on the GPU at once.
+        variant: what the kernels are compiled for, for experiments; its precision and features are filled in.
+        progress: called after every launch with operating points finished and particle-steps done.
+
+    Yields:
+        Number of the task, counted from 0, and its result, in the order in which they end.
+
+    Raises:
+        InputError: numba-cuda or a GPU is missing, or a description cannot be used.
+    """
+    if precision not in PRECISION:
+        raise InputError(f'precision is "{precision}"; it can be "mixed" or "double"')
+    require()
+    base = variant or Variant(threads=SIMULATED_THREADS if simulated() else THREADS)
+    base = base._replace(real=PRECISION[precision], teams=team > 1)
+    blocks = _blocks_of(base)
+    slots = slots or max(blocks // team, 1)
+    if team > 1 and slots * team > blocks:
+        raise InputError(f"{slots} slots of {team} blocks are more than the {blocks} that run at once; use fewer")
+    driver = _Driver(iter(tasks), enough, base, Describer(folder, cache), slots, team, chunk, progress)
+    yield from driver.results()
+
+
+class _Resident:
+    """A world in its slot."""
+
+    def __init__(self, number: int, world: Described, rule: Enough | None) -> None:
+        self.number, self.world, self.rule = number, world, rule
+        self.rows: NDArray[np.float64] = np.zeros((0, N_ROW))
+        self.step, self.seconds = 0, 0.0
+        self.goal = self.next_goal()
+
+    def next_goal(self) -> int:
+        """Step at which to pause next: after the cycle at which its rule looks next, or at the end."""
+        loaded, plan = self.world.loaded, self.world.plan
+        if self.rule is None or not plan.per_cycle:
+            return loaded.end
+        cycles = max(len(cycles_of(self.rows, plan).force) + 1, int(getattr(self.rule, "next_look", 0)))
+        return min(loaded.n_settle + cycles * plan.per_cycle, loaded.end)
+
+    def ended(self) -> bool:
+        """Whether the world, paused at its goal, needs no more steps."""
+        if self.step >= self.world.loaded.end:
+            return True
+        return self.rule is not None and self.rule(cycles_of(self.rows, self.world.plan))
+
+
+class _Driver:
+    """Keeps the slots filled."""
+
+    def __init__(
+        self,
+        tasks: Iterator[Task],
+        enough: Callable[[int], Enough] | None,
+        variant: Variant,
+        describer: Describer,
+        slots: int,
+        team: int,
+        chunk: int | None,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self.tasks, self.enough, self.variant, self.describer = enumerate(tasks), enough, variant, describer
+        self.team = team
+        self.chunk, self.adapt, self.progress = chunk or FIRST_CHUNK, chunk is None and not simulated(), progress
+        self.waiting: deque[tuple[int, Described]] = deque()
+        self.resident: list[_Resident | None] = [None] * slots
+        self.memory: Memory | None = None
+        self.kernels: Kernels | None = None
+        self.finished, self.work = 0, 0.0
+
+    def results(self) -> Iterator[tuple[int, Run]]:
+        """Run all tasks."""
+        while True:
+            self._fill()
+            if not any(self.resident):
+                return
+            self._launch()
+            yield from self._look()
+
+    def _next(self) -> tuple[int, Described] | None:
+        """The next world to be loaded."""
+        if self.waiting:
+            return self.waiting.popleft()
+        for number, task in self.tasks:
+            return number, self.describer.described(*task)
+        return None
+
+    def _fill(self) -> None:
+        """Load worlds into free slots; at first decide how many slots there are."""
+        new: list[tuple[int, _Resident]] = []
+        for slot, one in enumerate(self.resident):
+            if one is None:
+                found = self._next()
+                if found is None:
+                    break
+                number, world = found
+                resident = _Resident(number, world, self.enough(number) if self.enough else None)
+                self.resident[slot] = resident
+                new.append((slot, resident))
+        if not new:
+            return
+        if self.memory is None:
+            self.resident = self.resident[: len(new)]
+        wanted = self._room([resident.world for _, resident in new])
+        fits = self.memory is not None and covering(wanted, self.memory.room) == self.memory.room
+        if not fits and not self._grow(wanted):
+            self._fill()
+            return
+        assert self.memory is not None
+        assert self.kernels is not None
+        for slot, resident in new:
+            self.memory.load(slot, resident.world.loaded)
+            self.kernels.clear[1, self.variant.threads](self.memory.batch, slot)
+            self._aim(slot, resident)
+            counts = np.zeros(self.memory.layout["slots"]["counts"][0][1], np.int64)
+            counts[STAGE] = NEW
+            self.memory.write("slots", "counts", slot, counts)
+
+    def _room(self, worlds: list[Described]) -> Room:
+        rooms = [world.loaded.room(self.variant.threads * self.team) for world in worlds]
+        room = rooms[0]
+        for one in rooms[1:]:
+            room = covering(room, one)
+        return room._replace(slots=len(self.resident))
+
+    def _grow(self, wanted: Room) -> bool:
+        """Make room. False: there was none, and everything was put back to start with fewer slots."""
+        try:
+            if self.memory is None:
+                self.memory = Memory(wanted, self.variant.real)
+                counts = self.memory.read("slots", "counts")
+                counts[:, STAGE] = IDLE
+                self.memory.whole("slots", "counts", counts)
+            else:
+                self.memory = self.memory.enlarged(covering(wanted, self.memory.room))
+        except MemoryError:
+            if len(self.resident) == 1:
+                raise InputError("one operating point alone does not fit the GPU; use the CPU back end") from None
+            self._put_back(len(self.resident) // 2)
+            return False
+        room = self.memory.room
+        if self.kernels is None or (self.variant.springs, self.variant.rolling) != (room.springs, room.rolling):
+            self.variant = self.variant._replace(springs=room.springs, rolling=room.rolling)
+            self.kernels = kernels_of(self.variant)
+        return True
+
+    def _put_back(self, slots: int) -> None:
+        """Put all worlds back, to start anew in fewer slots."""
+        for one in reversed(self.resident):
+            if one is not None:
+                self.waiting.appendleft((one.number, one.world))
+        self.resident, self.memory = [None] * slots, None
+
+    def _aim(self, slot: int, resident: _Resident) -> None:
+        assert self.memory is not None
+        codes = resident.world.loaded.arrays["slots"]["codes"].copy()
+        codes[TARGET] = resident.goal
+        self.memory.write("slots", "codes", slot, codes)
+
+    def _launch(self) -> None:
+        assert self.memory is not None
+        assert self.kernels is not None
+        begin = time.perf_counter()
+        self.kernels.advance[len(self.resident) * self.team, self.variant.threads](self.memory.batch, self.chunk)
+        self.counts = self.memory.read("slots", "counts")
+        spent = time.perf_counter() - begin
+        work = [0.0] * len(self.resident)
+        for slot, one in enumerate(self.resident):
+            if one is not None:
+                step = int(self.counts[slot, STEP])
+                work[slot] = (step - one.step) * len(one.world.mass)
+                one.step = step
+        self.work += sum(work)
+        for one, part in zip(self.resident, work, strict=True):
+            if one is not None:
+                one.seconds += spent * part / max(sum(work), 1.0)
+        if self.adapt:
+            self.chunk = int(min(max(self.chunk * LAUNCH_SECONDS / spent, 0.5 * self.chunk, 10), 2 * self.chunk))
+        if self.progress is not None:
+            self.progress(self.finished, self.work)
+
+    def _look(self) -> Iterator[tuple[int, Run]]:
+        """Take what is finished out of its slot, let what paused go on, and make room where lists are full."""
+        assert self.memory is not None
+        full = []
+        for slot, one in enumerate(self.resident):
+            if one is None:
+                continue
+            counts = self.counts[slot]
+            if counts[STATUS] & LISTS_FULL:
+                full.append(slot)
+                continue
+            if counts[ROW] > len(one.rows):
+                one.rows = self.memory.read("slots", "rows", slot)[: counts[ROW]]
+            if counts[STATUS] or (one.step >= one.goal and one.ended()):
+                run = run_of(one.world, one.rows, one.step, one.seconds, int(counts[STATUS]), self.memory, slot)
+                counts[STAGE] = IDLE
+                self.memory.write("slots", "counts", slot, counts)
+                self.resident[slot] = None
+                self.finished += 1
+                yield one.number, run
+            elif one.step >= one.goal:
+                one.goal = one.next_goal()
+                self._aim(slot, one)
+        if full:
+            self._relieve(full)
+
+    def _relieve(self, full: list[int]) -> None:
+        """Give the lists of all worlds the room that those of the slots `full` asked for; these go on where they
+        stopped."""
+        assert self.memory is not None
+        room = self.memory.room
+        pairs, touches = (int(self.counts[full, column].max()) for column in (WANTED_PAIRS, WANTED_TOUCHES))
+        longer = room._replace(
+            pairs=int(GROWTH * pairs) + 16 if pairs > room.pairs else room.pairs,
+            touches=int(GROWTH * touches) + 16 if touches > room.touches else room.touches,
+        )
+        if self._grow(longer):
+            for slot in full:
+                counts = self.counts[slot].copy()
+                counts[STATUS] &= ~LISTS_FULL
+                self.memory.write("slots", "counts", slot, counts)
+
+
+def _blocks_of(variant: Variant) -> int:
+    """Blocks that fill the GPU: as many as its multiprocessors hold at a time."""
+    if simulated():
+        return 2
+    from numba import cuda
+
+    return int(cuda.get_current_device().MULTIPROCESSOR_COUNT) * max(1024 // variant.threads, 1)

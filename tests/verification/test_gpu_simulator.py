@@ -1,0 +1,282 @@
+"""The GPU back end in numba's simulator, which runs kernels as Python: the same numbers as the processor's engine."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")
+
+from dem_made import FLOOR, STEEL, damper_of, harmonic, loose
+from gpu_made import Team, bed_of, both, packing_of, quick_turns, spec_of
+from graindamp.dem.gpu import batch, load, memory
+from graindamp.dem.gpu.batch import Task, simulate_batch
+from graindamp.dem.gpu.device import Variant
+from graindamp.dem.simulate import simulate
+from graindamp.dem.world import motion_at_rest
+from graindamp.errors import InputError
+
+RADIUS = 2.5e-3
+DOUBLE = 1e-9
+"""Relative to the largest value. Sums have the processor's order; what differs is the form of the overlap, rounding of
+one part in 1e-16 magnified by a few contacts."""
+MIXED = 1e-5
+"""Single precision has 6e-8; a few hundred steps of a few contacts magnify it."""
+
+
+def assert_close(device, cpu, tolerance):
+    for a, b in zip(device[:3], cpu[:3], strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=tolerance * max(np.abs(b).max(), 1e-12))
+    # Energies over what was turned over; sums over the largest of them.
+    scale = max(cpu[3].stored, cpu[3].lost)
+    np.testing.assert_allclose(device[3], cpu[3], rtol=0, atol=10 * tolerance * scale)
+    np.testing.assert_allclose(device[4], cpu[4], rtol=0, atol=10 * tolerance * max(np.abs(cpu[4]).max(), 1e-12))
+
+
+def eight_balls():
+    """Spheres of three sizes, about to meet each other and the walls."""
+    rng = np.random.default_rng(5)
+    place = loose(8, 2.2 * RADIUS, np.zeros(3), np.array([0.0132, 0.0132, 0.03]), seed=4, shuffle=0.04)
+    return bed_of(place, rng.choice([0.8, 0.9, 1.0], 8) * RADIUS, rng.normal(0, 0.5, (8, 3)), rng.normal(0, 20, (8, 3)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("precision", "contact"),
+    [
+        ("double", {"tangential": "tanh"}),
+        ("mixed", {"tangential": "tanh"}),
+        ("double", {"tangential": "mindlin", "rolling_friction": 0.02, "tangential_dashpot": 0.2}),
+        ("mixed", {"tangential": "mindlin", "rolling_friction": 0.02, "tangential_dashpot": 0.2}),
+        ("double", {"law": "linear", "stiffness": 2e4, "tangential": "linear"}),
+        ("mixed", {"law": "hertz-viscoelastic", "tangential": "none", "tension": True}),
+    ],
+)
+def test_shaken_balls_move_as_on_the_processor(precision, contact):
+    softening = {} if "stiffness" in contact else {"softening": 1000.0}
+    damper = damper_of(
+        STEEL,
+        {**STEEL, "name": "wall"},
+        {"kind": "box", "size": [0.0125, 0.0125, 0.03]},
+        restitution=0.7,
+        **{"friction": 0.3, **softening, **contact},
+    )
+    cpu, device = both(damper, eight_balls(), lambda: harmonic(60.0, 1e-3, (0.6, 0.0, 0.8)), 8e-6, 150, precision)
+    assert cpu[3].lost > 1e-5  # there were impacts
+    assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blocks", [2, 3])
+def test_a_team_of_blocks_shares_a_world(blocks):
+    """Blocks that run side by side and meet through a counter in memory."""
+    damper = damper_of(
+        STEEL,
+        {**STEEL, "name": "wall"},
+        {"kind": "box", "size": [0.0125, 0.0125, 0.03]},
+        restitution=0.7,
+        friction=0.3,
+        tangential="mindlin",
+        softening=1000.0,
+    )
+    cpu, device = both(
+        damper,
+        eight_balls(),
+        lambda: harmonic(60.0, 1e-3, (0.6, 0.0, 0.8)),
+        8e-6,
+        150,
+        "double",
+        team=Team(blocks, 4),
+    )
+    assert_close(device, cpu, DOUBLE)
+
+
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+@pytest.mark.parametrize("restitution", [0.3, 0.9])
+def test_restitution_of_one_ball(precision, restitution):
+    """The asked restitution to the error of some 40 steps in a bounce, the processor's to rounding."""
+    damper = damper_of(STEEL, STEEL, FLOOR, restitution=restitution, softening=1e4)
+    bed = bed_of([0.0, 0.0, 1.0001e-3], 1e-3, [0.0, 0.0, -0.1])
+    cpu, device = both(damper, bed, motion_at_rest, 5e-6, 90, precision, gravity=(0.0, 0.0, 0.0))
+    assert device[1][0, 2] == pytest.approx(0.1 * restitution, rel=0.02)
+    assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_walls_of_many_shapes(precision):
+    """A ball each at foam, a solid box, a solid cylinder, and the shell and end of a cylinder."""
+    inserts = (
+        {"kind": "box", "material": "steel", "center": [0.0, 0.0, 0.01], "size": [4e-3, 4e-3, 4e-3], "angle": 0.4},
+        {
+            "kind": "cylinder",
+            "material": "steel",
+            "start": [-0.02, 8e-3, 0.02],
+            "end": [0.02, 8e-3, 0.02],
+            "radius": 2e-3,
+        },
+    )
+    damper = damper_of(
+        STEEL,
+        {**STEEL, "name": "wall"},
+        {"kind": "cylinder", "axis": "z", "radius": 0.015, "length": 0.05},
+        inserts,
+        {"kind": "foam", "height": 0.045, "coefficients": [2e3, 1e5, 1e7], "travel": 5e-3, "loss_factor": 0.3},
+        restitution=0.6,
+        friction=0.2,
+        tangential="tanh",
+        softening=1000.0,
+    )
+    places = [
+        [0.0, 0.0, 0.0439],
+        [2.855e-3, 1.207e-3, 0.01],
+        [0.0, 4.9e-3, 0.0205],
+        [0.0, -0.01385, 0.01],
+        [0.005, -0.005, 1.1e-3],
+    ]
+    speeds = [[0.1, 0.0, 0.6], [-0.5, 0.1, 0.0], [0.0, 0.5, 0.0], [0.3, -0.5, 0.0], [0.0, 0.2, -0.5]]
+    bed = bed_of(places, 1e-3, speeds)
+    cpu, device = both(
+        damper, bed, lambda: harmonic(60.0, 1e-3, (0.0, 0.0, 1.0)), 5e-6, 100, precision, lid_height=0.05
+    )
+    assert cpu[3].loss_lid > 0.0
+    assert np.all(np.abs(cpu[1] - speeds).max(axis=1) > 0.02)  # each met its wall
+    assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_wall_of_a_mesh(precision, tmp_path):
+    """Balls at a face, an edge between two coplanar triangles, and a corner of a box."""
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box(bounds=[[0, 0, 0], [20, 20, 20]]).export(tmp_path / "box.stl")
+    mesh = {"kind": "mesh", "file": "box.stl", "length_unit": "mm"}
+    damper = damper_of(
+        STEEL, {**STEEL, "name": "wall"}, mesh, restitution=0.6, friction=0.2, tangential="mindlin", softening=1000.0
+    )
+    places = [[0.006, 0.012, 1.05e-3], [0.0101, 0.01, 1.05e-3], [1.1e-3, 1.05e-3, 0.01]]
+    bed = bed_of(places, 1e-3, [[0.1, 0.2, -0.5], [-0.4, 0.1, -0.5], [-0.5, -0.4, 0.3]])
+    cpu, device = both(damper, bed, motion_at_rest, 5e-6, 80, precision, folder=tmp_path)
+    assert cpu[3].loss_normal_wall > 0.0
+    assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+TASKS = [(6, 1000.0, 100.0), (4, 1300.0, 150.0), (5, 1100.0, 40.0)]
+"""Particles, frequency [Hz], intensity."""
+
+
+def tasks():
+    return [Task(spec_of(count, f, intensity), packing_of(count)) for count, f, intensity in TASKS]
+
+
+def run_all(given, **options):
+    """All runs, by number of the task."""
+    options = {"precision": "double", "variant": Variant(threads=4), "chunk": 150, **options}
+    with quick_turns():
+        return dict(simulate_batch(given, **options))
+
+
+def facts(run):
+    """All of a run that must agree to the last bit."""
+    return [run.cycle_force, run.cycle_velocity, run.impact_counts, *run.end, np.array(run.energy)]
+
+
+@pytest.fixture(scope="module")
+def two_slots():
+    return run_all(tasks(), slots=2)
+
+
+@pytest.mark.slow
+def test_a_batch_gives_what_single_runs_give(two_slots):
+    """Worlds of different size, frequency and intensity; the third takes the place of the first that ends."""
+    assert sorted(two_slots) == [0, 1, 2]
+    for number, (spec, packing, _) in enumerate(tasks()):
+        cpu, device = simulate(spec, packing=packing), two_slots[number]
+        assert device.status == cpu.status
+        assert (device.n_step, device.time_step) == (cpu.n_step, cpu.time_step)
+        np.testing.assert_array_equal(device.impact_counts, cpu.impact_counts)
+        for a, b in zip(device.end, cpu.end, strict=True):
+            np.testing.assert_allclose(a, b, rtol=0, atol=DOUBLE * np.abs(b).max())
+        np.testing.assert_allclose(device.cycle_force, cpu.cycle_force, rtol=DOUBLE)
+        np.testing.assert_allclose(device.cycle_velocity, cpu.cycle_velocity, rtol=DOUBLE)
+        np.testing.assert_allclose(device.energy[-1], cpu.energy[-1], atol=DOUBLE * cpu.energy[-1].stored)
+        np.testing.assert_allclose(device.centre[-1], cpu.centre[-1], atol=DOUBLE * 1e-3)
+        assert device.contacts_per_particle == pytest.approx(cpu.contacts_per_particle)
+        assert device.wall_contacts == pytest.approx(cpu.wall_contacts)
+
+
+@pytest.mark.slow
+def test_results_depend_neither_on_neighbours_nor_on_launches(two_slots):
+    """Bit for bit: alone, with other pieces, and again."""
+    alone = run_all(tasks()[:1], slots=1, chunk=37)
+    for a, b in zip(facts(alone[0]), facts(two_slots[0]), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.slow
+def test_full_lists_grow_and_nobody_can_tell(two_slots, monkeypatch):
+    monkeypatch.setattr(load, "PAIRS_PER_PARTICLE", 0.0)
+    monkeypatch.setattr(load, "TOUCHES_PER_PARTICLE", 0.0)
+    monkeypatch.setattr(load, "LEAST_ROOM", 2)
+    tight = run_all(tasks()[:1], slots=1)
+    for a, b in zip(facts(tight[0]), facts(two_slots[0]), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.slow
+def test_too_little_memory_means_fewer_slots(monkeypatch):
+    """Two worlds fit, but not the longer lists of both; they start anew one after the other."""
+    monkeypatch.setattr(load, "LEAST_ROOM", 2)
+    monkeypatch.setattr(load, "PAIRS_PER_PARTICLE", 0.0)
+    empty, refused = memory._empty, []
+
+    def little(shape, kind):
+        if shape[0] > 1 and len(shape) == 2 and shape[1] not in (2, 4, 5, 6) and 7 < shape[1] < 40:
+            refused.append(shape)
+            raise MemoryError
+        return empty(shape, kind)
+
+    monkeypatch.setattr(batch, "LAUNCH_SECONDS", 1.0)
+    monkeypatch.setattr(memory, "_empty", little)
+    runs = run_all([Task(spec_of(4, cycles=1), packing_of(4)), Task(spec_of(5, cycles=1), packing_of(5))], slots=2)
+    assert refused
+    assert sorted(runs) == [0, 1]
+    assert all(len(run.cycle_force) == 1 for run in runs.values())
+
+
+@pytest.mark.slow
+def test_a_run_ends_when_it_is_known_well_enough():
+    """The rule is asked after every cycle, but not before its next look."""
+
+    class Rule:
+        next_look = 2
+
+        def __init__(self):
+            self.asked = []
+
+        def __call__(self, cycles):
+            self.asked.append(len(cycles.force))
+            return len(cycles.force) >= 3
+
+    rule = Rule()
+    task = Task(spec_of(2, cycles=5, frequency=2000.0), packing_of(2))
+    run = run_all([task], enough=lambda number: rule, chunk=70)[0]
+    assert rule.asked == [2, 3]
+    assert len(run.cycle_force) == 3
+    again = simulate(task.spec, packing=task.packing, enough=lambda cycles: len(cycles.force) >= 3)
+    np.testing.assert_allclose(run.end.position, again.end.position, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_where_another_ended():
+    first = simulate(spec_of(4, cycles=1), packing=packing_of(4))
+    spec = spec_of(4, 1100.0, cycles=1)
+    cpu = simulate(spec, packing=packing_of(4), start=first.end)
+    device = run_all([Task(spec, packing_of(4), first.end)])[0]
+    np.testing.assert_allclose(device.cycle_force, cpu.cycle_force, rtol=DOUBLE)
+    np.testing.assert_allclose(device.end.velocity, cpu.end.velocity, rtol=0, atol=DOUBLE)
+
+
+def test_what_the_batch_does_not_do():
+    spec = spec_of()
+    wanted = spec.model_copy(update={"run": spec.run.model_copy(update={"snapshots_per_cycle": 2})})
+    with pytest.raises(InputError, match=r"snapshots_per_cycle is not available on the GPU"):
+        run_all([Task(wanted, packing_of(6))])
+    with pytest.raises(InputError, match="mixed"):
+        run_all([], precision="half")
