@@ -80,7 +80,7 @@ SILO = 6 * 2 * RADIUS
 """Inner diameter [m]."""
 
 
-def poured(count, friction, tangential="mindlin"):
+def poured(count, friction, tangential="mindlin", seed=1):
     """Weight of spheres at rest in an upright cylinder [N], and forces on floor and side [N].
 
     The floor is so soft that the bed sinks by some tenths of a millimetre while its weight grows from a tenth to the
@@ -98,7 +98,7 @@ def poured(count, friction, tangential="mindlin"):
     cell = 2.15 * RADIUS
     n_layer = -(-count // 21)  # of five times five places, those at the corners lie outside
     low = np.array([-2.5 * cell, -2.5 * cell, 0.0])
-    place = loose(25 * n_layer, cell, low, [2.51 * cell, 2.51 * cell, (n_layer + 0.01) * cell], 1, 0.06)
+    place = loose(25 * n_layer, cell, low, [2.51 * cell, 2.51 * cell, (n_layer + 0.01) * cell], seed, 0.06)
     place = place[np.hypot(place[:, 0], place[:, 1]) < SILO / 2 - 1.05 * RADIUS][:count]
     assert len(place) == count
     container = {
@@ -135,17 +135,20 @@ def test_silo_carries_weight_on_its_walls():
 
     K is known within 0.4 to 1.1 for beds of spheres on their way down: from Rankine's active state, (1 - s)/(1 + s)
     with s the sine of their angle of friction, to equal stresses, and D may be the room of the centres or that of the
-    surfaces. Friction on the walls is not mobilised everywhere, by up to an eighth of the weight it carries.
+    surfaces. Friction on the walls is not mobilised everywhere, by up to an eighth of the weight it carries. Beds of
+    the same height differ: K of twelve of them scattered by 0.08 about 0.48, so that a mean of three has a standard
+    error of 0.046, and twice that is allowed for.
     """
-    friction, ratio = 0.4, []
+    friction, n_bed, error, ratio = 0.4, 3, 0.046, []
     for count in (160, 320, 640):
-        weight, floor, side = poured(count, friction)
-        assert floor + side == pytest.approx(weight, rel=0.02)  # at rest, but for a last swing
         height = count * 4 / 3 * pi * RADIUS**3 / (0.58 * pi / 4 * SILO**2)
-        depth = brentq(lambda x, share=floor / weight: (1 - np.exp(-x)) / x - share, 1e-6, 100.0)
-        ratio.append(depth / height * SILO / (4 * friction))
-    assert min(ratio) > 0.35
-    assert max(ratio) < 1.1
-    assert max(ratio) < 1.5 * min(
-        ratio
-    )  # one K for all depths, as the law has it; measured 0.40, 0.53, 0.43 and 0.43, 0.50, 0.58
+        found = []
+        for seed in range(1, n_bed + 1):
+            weight, floor, side = poured(count, friction, seed=seed)
+            assert floor + side == pytest.approx(weight, rel=0.02)  # at rest, but for a last swing
+            depth = brentq(lambda x, share=floor / weight: (1 - np.exp(-x)) / x - share, 1e-6, 100.0)
+            found.append(depth / height * SILO / (4 * friction))
+        ratio.append(np.mean(found))
+    assert min(ratio) > 0.35 - 2 * error
+    assert max(ratio) < 1.1 + 2 * error
+    assert max(ratio) < 1.5 * min(ratio)  # one K for all depths, as the law has it; more than three errors of a ratio

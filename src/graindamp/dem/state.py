@@ -243,14 +243,20 @@ class Worlds(NamedTuple):
 CACHE_LINE = 64
 """Bytes that memory and processor exchange at a time."""
 
+LARGE_PAGE = 2 << 20
+"""Bytes of a large page of the processor's address tables; numpy asks the system for them from 4 MiB on."""
+
 
 def aligned(worlds: Worlds) -> Worlds:
     """The same worlds with particles, contacts and scratch in one piece of memory, every array from the start of a
-    cache line, so that a row of eight numbers is one line and not parts of two."""
+    cache line, so that a row of eight numbers is one line and not parts of two. From half a large page on, the piece
+    begins with one and is long enough to get them."""
     parts: dict[str, Any] = {name: getattr(worlds, name) for name in ("particles", "pairs", "touches", "scratch")}
     size = sum(_room(array) for part in parts.values() for array in part)
-    memory = np.zeros(size + CACHE_LINE, np.uint8)
-    place = -memory.ctypes.data % CACHE_LINE
+    large = size > LARGE_PAGE // 2
+    unit = LARGE_PAGE if large else CACHE_LINE
+    memory = np.zeros(max(size + unit, 2 * LARGE_PAGE if large else 0), np.uint8)
+    place = -memory.ctypes.data % unit
     for name, part in parts.items():
         moved = []
         for array in part:
