@@ -9,6 +9,7 @@ import json
 import math
 import os
 import secrets
+import signal
 import sys
 import time
 from pathlib import Path
@@ -113,6 +114,8 @@ def main():
     from graindamp.campaign.store import Store
     from graindamp.field.store import write_field
 
+    # A shell's background jobs, and what they start, ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     store, field = Path(sys.argv[1]), Path(sys.argv[2])
     crew = executor_of(sys.argv[3] if len(sys.argv) > 3 else "serial", n_worker=2)
     with Store(store) as opened:

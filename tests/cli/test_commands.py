@@ -316,7 +316,7 @@ def test_version_and_help():
 
 def test_defects_are_told_from_mistakes(tmp_path):
     """Anything unforeseen ends with exit code 1 and one message; GRAINDAMP_DEBUG shows where."""
-    code = "import graindamp.cli.rules as r, graindamp.cli.main as m; r._rule = None; m.main()"
+    code = "import graindamp.cli.rules as r, graindamp.cli.main as m; r.show_rule = None; m.main()"
     words = [sys.executable, "-c", code, "rules", "sliding", "--intensity", "1", "--friction", "0.1"]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 1

@@ -105,7 +105,7 @@ def test_one_operating_point_as_json(drawn_made, tmp_path):
     assert abs(document["energies"]["closure_share"]) < 1e-9
     assert document["timing"]["particle_steps_per_second"] == pytest.approx(100 * 300_000 / 12.0)
     folder = tmp_path / "damper-run"
-    pictures = {"bed", "snapshot", "signals", "cycles", "energy", "velocity-field", "impacts"}
+    pictures = {"bed", "snapshot", "signals", "cycles", "energy", "energy-path", "velocity-field", "impacts"}
     names = {"result.json", "run.h5", "signals.h5", "report.html"} | {f"{name}.png" for name in pictures}
     assert {path.name for path in folder.iterdir()} == names
     assert set(document.pop("files")) == {str(folder / name) for name in names}

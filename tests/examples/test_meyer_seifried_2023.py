@@ -144,7 +144,8 @@ def test_tiny_copy_of_each_kind_runs(setups, name):
     assert not found.failed
     assert found.n_particle == 40
     assert 0.05 < found.loss_factor < 2.0  # a bounce has about 1, a bed that floats 0.1
-    assert found.largest_overlap < 0.5  # soft coatings give way by up to a stroke, 0.8 of a radius
+    # Coatings give way by about a stroke, 0.8 of a radius; the stiff wall is 2.4 radii behind their surface.
+    assert found.largest_overlap < (2.4 if name.startswith("coated") else 0.1)
 
 
 @pytest.mark.slow
