@@ -1,4 +1,4 @@
-"""How long until graindamp answers: import, help, a rule, analysis and the whole demo, each in a fresh process.
+"""How long until graindamp answers: import, help, a rule, analysis and the demo from measured signals, each in a fresh process.
 
 Usage: python benchmarks/start_up.py [--repeat 5] [--out FILE.md]
 
@@ -52,8 +52,8 @@ def questions(folder: Path) -> dict[str, tuple[Callable[[], str], Callable[[str]
             lambda: graindamp("analyze", signals, "--json"),
             lambda out: len(json.loads(out)["points"]) == 30,
         ),
-        "graindamp demo": (
-            lambda: graindamp("demo", "--out", str(folder), "--json"),
+        "graindamp demo --measured": (
+            lambda: graindamp("demo", "--measured", "--out", str(folder), "--json"),
             lambda out: all(mode["equilibria"] for mode in json.loads(out)["modes"]),
         ),
     }

@@ -95,6 +95,12 @@ def test_a_bounce_that_locks_in_late_is_waited_for():
     assert found.n_skipped >= 28
 
 
+def test_three_cycles_give_a_mean_without_a_warning():
+    found = estimate(np.array([1.0, 0.5, 0.2]), np.zeros(3))
+    assert found.n_cycle == 3
+    assert np.isfinite(found.loss_factor_se)
+
+
 def test_too_few_cycles_are_refused():
     with pytest.raises(ValueError, match="two cycles"):
         estimate(np.array([1.0]), np.array([1.0]))

@@ -221,22 +221,22 @@ def measure(
     from graindamp.signals.simulated import ratios_of
     from graindamp.signals.stopping import Stopping, estimate
 
-    rule = Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles)
-    omega = 2.0 * math.pi * task.frequency
-    mass = math.nan
-
-    def enough(cycles: Any) -> bool:
-        values = ratios_of(cycles.force, cycles.velocity, omega, 1.0)
-        if len(values.loss_factor) < rule.next_look:
-            return False
-        return rule.enough(values.loss_factor / mass, values.effective_mass_ratio / mass)
-
     folder = None if task.folder is None else Path(task.folder)
     packing = pack(task.simulation.damper, folder=folder, cache=cache, progress=progress)
     density = np.array([component.density for component in task.simulation.damper.particles])
     mass = float(np.sum(density[packing.component] * 4.0 / 3.0 * np.pi * packing.radius**3))
+    rule = Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles)
+    omega = 2.0 * math.pi * task.frequency
     bed = None if start is None else BedState(start.end_position, start.end_velocity, start.end_spin)
-    run = simulate(task.simulation, folder=folder, packing=packing, start=bed, enough=enough, progress=progress)
+    run = simulate(
+        task.simulation,
+        folder=folder,
+        cache=cache,
+        packing=packing,
+        start=bed,
+        enough=lambda cycles: rule.enough(*ratios_of(cycles.force, cycles.velocity, omega, mass)),
+        progress=progress,
+    )
     if run.status & int(Status.INTERRUPTED):
         raise KeyboardInterrupt
     cycles = ratios_of(run.cycle_force, run.cycle_velocity, omega, mass)

@@ -112,6 +112,8 @@ def _drifts(value: Real, scale: float) -> bool:
     Chance is judged on what a straight line leaves over, since a drift would count as scatter otherwise.
     """
     half = len(value) // 2
+    if half < 2:
+        return False  # no scatter to judge by
     first, second = slice(0, half), slice(len(value) - half, None)
     change = abs(float(value[second].mean() - value[first].mean()))
     place = np.arange(len(value)) - 0.5 * (len(value) - 1)
