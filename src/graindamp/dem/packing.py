@@ -6,7 +6,6 @@ under the described stiffness.
 
 import math
 import time
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from graindamp.dem.container import Enclosure, enclosure_of
 from graindamp.dem.engine import run
 from graindamp.dem.interactions import Interactions, interactions_of
 from graindamp.dem.motion import DIRECTION, START, MotionKind
-from graindamp.dem.packing_store import Packing, Progress, default_folder, load, packing_key, save
+from graindamp.dem.packing_store import Packing, Progress, default_folder, kept, packing_key
 from graindamp.dem.settle import (
     SOFT_OVERLAP,
     Grains,
@@ -114,20 +113,7 @@ def pack(
         PackingError: the bed packed is not sound, a defect.
     """
     path = (default_folder() if cache is None else cache) / f"{packing_key(damper, PHYSICS, folder)[:32]}.npz"
-    try:
-        return load(path)
-    except FileNotFoundError:
-        pass
-    except InputError as error:
-        warnings.warn(f"{error}; packed again", stacklevel=2)
-    packing = packed(damper, folder, progress)
-    try:
-        save(path, packing)
-    except OSError as error:
-        warnings.warn(
-            f"{path}: the packing could not be stored ({error.strerror}) and will be made again", stacklevel=2
-        )
-    return packing
+    return kept(path, lambda: packed(damper, folder, progress), "packed")
 
 
 def packed(damper: DamperSpec, folder: Path | None = None, progress: Progress | None = None) -> Packing:

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import tempfile
+import warnings
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -74,6 +75,30 @@ def default_folder() -> Path:
     """Folder of packings in the user's cache."""
     home = os.environ.get("GRAINDAMP_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     return Path(home).expanduser() / "graindamp" / "packings"
+
+
+def kept(path: Path, make: Callable[[], Packing], verb: str) -> Packing:
+    """The packing that a file keeps, or one made now and kept there; damage and a full disk are warnings.
+
+    Args:
+        path: the file.
+        make: makes the packing.
+        verb: what is done again where the file is damaged, in the past tense.
+    """
+    try:
+        return load(path)
+    except FileNotFoundError:
+        pass
+    except InputError as error:
+        warnings.warn(f"{error}; {verb} again", stacklevel=3)
+    packing = make()
+    try:
+        save(path, packing)
+    except OSError as error:
+        warnings.warn(
+            f"{path}: the {verb} bed could not be stored ({error.strerror}) and will be made again", stacklevel=3
+        )
+    return packing
 
 
 def save(path: Path, packing: Packing) -> None:

@@ -6,7 +6,6 @@ on the way would measure the slump. So the bed is brought to rest once, and kept
 """
 
 import hashlib
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from graindamp.dem.cavity import Cavity
 from graindamp.dem.container import enclosure_of
 from graindamp.dem.interactions import interactions_of
-from graindamp.dem.packing_store import Packing, Progress, default_folder, load, packing_key, save
+from graindamp.dem.packing_store import Packing, Progress, default_folder, kept, packing_key
 from graindamp.dem.settle import (
     SOFT_OVERLAP,
     Grains,
@@ -29,7 +28,6 @@ from graindamp.dem.settle import (
     stiffened,
     time_step,
 )
-from graindamp.errors import InputError
 from graindamp.spec.simulation import DamperSpec
 from graindamp.units import STANDARD_GRAVITY
 
@@ -65,20 +63,7 @@ def turned(
     if not _was_turned(damper):
         return packing
     path = (default_folder() if cache is None else cache) / f"{_key(damper, packing, physics, folder)[:32]}.npz"
-    try:
-        return load(path)
-    except FileNotFoundError:
-        pass
-    except InputError as error:
-        warnings.warn(f"{error}; settled again", stacklevel=2)
-    rested = at_rest(damper, packing, folder=folder, progress=progress)
-    try:
-        save(path, rested)
-    except OSError as error:
-        warnings.warn(
-            f"{path}: the settled bed could not be stored ({error.strerror}) and will be made again", stacklevel=2
-        )
-    return rested
+    return kept(path, lambda: at_rest(damper, packing, folder=folder, progress=progress), "settled")
 
 
 def at_rest(
