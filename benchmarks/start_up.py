@@ -1,4 +1,4 @@
-"""How long until graindamp answers: import, help, a rule, analysis and the demo from measured signals, each in a fresh process.
+"""How long until graindamp answers: import, help, a rule, analysis and the demo, each in a fresh process.
 
 Usage: python benchmarks/start_up.py [--repeat 5] [--out FILE.md]
 
