@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from graindamp.dem.backend import advance
 from graindamp.dem.state import Contacts, Worlds, aligned, empty_contacts, empty_scratch
@@ -76,16 +77,18 @@ def _longer(old: Contacts) -> Contacts:
 
 
 def together(batch: Sequence[Worlds]) -> Worlds:
-    """One batch of worlds that have the same numbers of particles, wall elements and samples.
-
-    Raises:
-        ValueError: arrays of different size.
-    """
+    """One batch of worlds; where they differ in size, the rows of the smaller ones are padded."""
 
     def join(*parts: Any) -> Any:
         if isinstance(parts[0], tuple):
             return type(parts[0])(*(join(*columns) for columns in zip(*parts, strict=True)))
-        return np.concatenate(parts)
+        return np.concatenate([_padded(part, np.max([other.shape for other in parts], axis=0)) for part in parts])
 
     joined: Worlds = join(*batch)
     return aligned(joined)
+
+
+def _padded(array: NDArray[Any], size: NDArray[np.int64]) -> NDArray[Any]:
+    """The array with every axis but the first lengthened to `size` by zeros."""
+    missing = [(0, 0), *((0, int(n) - have) for n, have in zip(size[1:], array.shape[1:], strict=True))]
+    return np.pad(array, missing) if any(after for _, after in missing) else array
