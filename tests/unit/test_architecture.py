@@ -22,7 +22,7 @@ ALLOWED = {
     "field": {"errors", "status", "units", "spec", "signals"},
     "campaign": {"errors", "status", "units", "spec", "dem", "signals", "field"},
     "structure": {"errors", "units", "spec", "materials"},
-    "couple": {"errors", "status", "units", "spec", "field", "structure"},
+    "couple": {"errors", "status", "units", "spec", "dem", "field", "structure"},
     "impact": {"errors", "status", "units", "spec", "field", "structure"},
     "design": {"errors", "units", "couple", "field", "impact"},
     "report": {

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 import graindamp
+from graindamp.cli.cosimulate import cosimulate
 from graindamp.cli.decay import decay
 from graindamp.cli.field import register_field
 from graindamp.cli.impact import register_impact
@@ -252,6 +253,7 @@ def show(
 
 register(app)
 register_field(app)
+app.command()(cosimulate)
 app.command()(decay)
 
 if __name__ == "__main__":

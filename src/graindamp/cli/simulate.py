@@ -62,8 +62,8 @@ def simulate(
     folder = out if out is not None else project.parent / f"{project.stem}-run"
     wanted = Wanted(uff, cast(Literal["gif", "mp4"] | None, animation), vtk)
     claim(folder, wanted)
-    with _progress(as_json) as progress:
-        _tell_of_compiling(as_json)
+    with progress_bar(as_json) as progress:
+        tell_of_compiling(as_json)
         from graindamp.dem.simulate import simulate as run_one
 
         try:
@@ -102,8 +102,8 @@ def pack(
         raise InputError(f"--out: given '{out}'; a packing is written as .npz")
     if out is not None and out.exists():
         _check_ours(out)
-    with _progress(as_json) as progress:
-        _tell_of_compiling(as_json)
+    with progress_bar(as_json) as progress:
+        tell_of_compiling(as_json)
         from graindamp.dem.packing import pack as pack_bed
 
         packing = pack_bed(spec.damper, folder=project.parent, cache=cache, progress=progress)
@@ -140,7 +140,7 @@ def view(
     if source.suffix == ".npz":
         written = _view_packing(source, folder, animation, vtk)
     else:
-        with _progress(as_json) as progress:
+        with progress_bar(as_json) as progress:
             written = _view_run(source, folder, animation, vtk, progress)
     if as_json:
         print_json({"source": str(source), "files": [str(path) for path in written]})
@@ -259,7 +259,7 @@ def _show(result: Any, files: Any) -> None:
         print(f"picture  {path}")
 
 
-def _tell_of_compiling(quiet: bool) -> None:
+def tell_of_compiling(quiet: bool) -> None:
     """Say why nothing happens for a while, where no compiled engine is kept yet."""
     from graindamp.dem.compile import CACHED, cache_folder
 
@@ -268,7 +268,7 @@ def _tell_of_compiling(quiet: bool) -> None:
 
 
 @contextmanager
-def _progress(quiet: bool) -> Iterator[Progress]:
+def progress_bar(quiet: bool) -> Iterator[Progress]:
     """Stage, part done and time left on the error stream: a bar on a terminal, else a line now and then."""
     if quiet:
         yield lambda stage, done, left: None

@@ -17,11 +17,10 @@ from graindamp.errors import InputError
 from graindamp.field.ideal import ideal_field
 from graindamp.field.interpolate import Interpolant
 from graindamp.field.store import read_field
-from graindamp.spec.project import AttachedSpec, IdealFieldSpec, Point, ProjectSpec
+from graindamp.spec.project import AttachedSpec, IdealFieldSpec, ProjectSpec
 from graindamp.spec.structure import BeamSpec, PointMassSpec
-from graindamp.structure.build import modal_model_of
+from graindamp.structure.build import modal_model_of, place_on
 from graindamp.structure.modal import ModalModel
-from graindamp.units import to_si
 
 Real = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -150,13 +149,13 @@ def _model_of(project: ProjectSpec, folder: str | Path, first_position: float | 
 def _named_places(project: ProjectSpec, first_position: float | None) -> dict[str, float | str]:
     is_beam = isinstance(project.structure, BeamSpec)
     places: dict[str, float | str] = {
-        damper.name: _place(damper.point, is_beam, f"dampers '{damper.name}' point") for damper in project.dampers
+        damper.name: place_on(damper.point, is_beam, f"dampers '{damper.name}' point") for damper in project.dampers
     }
     if first_position is not None:
         places[project.dampers[0].name] = first_position
     output = project.response.output if project.response and project.response.output is not None else None
-    places[DRIVE] = _place(project.drive.point, is_beam, "drive.point")
-    places[OUTPUT] = places[project.dampers[0].name] if output is None else _place(output, is_beam, "response.output")
+    places[DRIVE] = place_on(project.drive.point, is_beam, "drive.point")
+    places[OUTPUT] = places[project.dampers[0].name] if output is None else place_on(output, is_beam, "response.output")
     return places
 
 
@@ -181,15 +180,6 @@ def _shapes(project: ProjectSpec, folder: str | Path) -> ShapeCurves | None:
     named = _named_places(project, None) | {f"{k} along": float(x) for k, x in enumerate(position)}
     model = modal_model_of(project.structure, named, _containers(project, named), folder)
     return ShapeCurves(position, model.shape[len(named) - len(position) :, model.omega > 0])
-
-
-def _place(point: Point, is_beam: bool, key: str) -> float | str:
-    if not is_beam:
-        return point if isinstance(point, str) else str(point)
-    try:
-        return to_si(point, "m")
-    except ValueError as error:
-        raise InputError(f"{key}: given {point!r}; on a beam a point is a position; {error}") from None
 
 
 def _solve_both(model: ModalModel, mode: int, force: float, dampers: Sequence[Attached]) -> ModePrediction:

@@ -126,7 +126,8 @@ def measured_series(motion: SeriesMotion, folder: Path | None) -> tuple[Real, fl
     from scipy.interpolate import CubicSpline, make_interp_spline
 
     path = Path(motion.file) if folder is None else folder / motion.file
-    time, value = _columns(path, motion)
+    unit = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}[motion.quantity]
+    time, value = read_series(path, motion.time_column, motion.value_column, motion.unit, unit)
     if len(time) < 8:
         raise InputError(f"{path}: {len(time)} samples of the motion; at least 8 are needed")
     if not (np.all(np.isfinite(time)) and np.all(np.isfinite(value))):
@@ -151,41 +152,55 @@ def measured_series(motion: SeriesMotion, folder: Path | None) -> tuple[Real, fl
     return np.column_stack([x, v, a]), float(grid[1] - grid[0])
 
 
-def _columns(path: Path, motion: SeriesMotion) -> tuple[Real, Real]:
-    """Times [s] and values in SI of a file."""
+def read_series(
+    path: Path, time_column: str, value_column: str | None, unit: str | None, si_unit: str
+) -> tuple[Real, Real]:
+    """Times [s] and values of a file (.csv or .npz).
+
+    Args:
+        path: the file.
+        time_column: name of the column, or array, of times.
+        value_column: that of the values; None: the one beside the times.
+        unit: of the values; None: `si_unit`.
+        si_unit: unit that the values come back in.
+
+    Raises:
+        InputError: no such file or column, or not a table of numbers.
+    """
     from graindamp.units import to_si
 
+    table = _table(path)
+    if time_column not in table:
+        raise InputError(f"{path}: no column '{time_column}'; it has {', '.join(table)}; name it in time_column")
+    others = [name for name in table if name != time_column]
+    if value_column is None and len(others) != 1:
+        raise InputError(
+            f"{path}: which of {', '.join(others) or 'no columns'} holds the values? name it in value_column"
+        )
+    value = others[0] if value_column is None else value_column
+    if value not in table:
+        raise InputError(f"{path}: no column '{value}'; it has {', '.join(others)}; name another in value_column")
+    if table[value].shape != table[time_column].shape:
+        raise InputError(f"{path}: '{time_column}' and '{value}' differ in length")
+    factor = 1.0 if unit is None else to_si(f"1 {unit}", si_unit)
+    return table[time_column], factor * table[value]
+
+
+def _table(path: Path) -> dict[str, Real]:
+    """Columns of a file by name."""
     try:
         if path.suffix.lower() == ".npz":
             with np.load(path) as file:
-                table = {name: np.atleast_1d(np.asarray(file[name], np.float64)) for name in file.files}
-        else:
-            with open(path, encoding="utf-8-sig") as text:
-                names = [name.strip().strip('"') for name in text.readline().split(",")]
-                numbers = np.loadtxt(text, delimiter=",", ndmin=2)
-            if numbers.shape[1] != len(names):
-                raise ValueError(f"{len(names)} names over {numbers.shape[1]} columns")
-            table = {name: numbers[:, k] for k, name in enumerate(names)}
+                return {name: np.atleast_1d(np.asarray(file[name], np.float64)) for name in file.files}
+        with open(path, encoding="utf-8-sig") as text:
+            names = [name.strip().strip('"') for name in text.readline().split(",")]
+            numbers = np.loadtxt(text, delimiter=",", ndmin=2)
+        if numbers.shape[1] != len(names):
+            raise ValueError(f"{len(names)} names over {numbers.shape[1]} columns")
+        return {name: numbers[:, k] for k, name in enumerate(names)}
     except OSError as error:
         raise InputError(f"{path}: cannot be opened ({error.strerror or error})") from None
     except ValueError as error:
         raise InputError(
             f"{path}: not a table of numbers under one line of names, separated by commas ({error})"
         ) from None
-    if motion.time_column not in table:
-        raise InputError(f"{path}: no column '{motion.time_column}'; it has {', '.join(table)}; name it in time_column")
-    others = [name for name in table if name != motion.time_column]
-    value = motion.value_column
-    if value is None:
-        if len(others) != 1:
-            raise InputError(
-                f"{path}: which of {', '.join(others) or 'no columns'} is the motion? name it in value_column"
-            )
-        value = others[0]
-    if value not in table:
-        raise InputError(f"{path}: no column '{value}'; it has {', '.join(others)}; name another in value_column")
-    unit = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}[motion.quantity]
-    factor = 1.0 if motion.unit is None else to_si(f"1 {motion.unit}", unit)
-    if table[value].shape != table[motion.time_column].shape:
-        raise InputError(f"{path}: '{motion.time_column}' and '{value}' differ in length")
-    return table[motion.time_column], factor * table[value]

@@ -9,6 +9,7 @@ from graindamp.errors import InputError
 from graindamp.spec.structure import BeamSpec, ModalSpec, PointMassSpec, UffSpec
 from graindamp.structure.modal import ModalModel, beam_modal_model, modal_model, point_index
 from graindamp.structure.uff import uff_modal_model
+from graindamp.units import to_si
 
 
 def modal_model_of(
@@ -40,6 +41,20 @@ def modal_model_of(
     if isinstance(spec, ModalSpec):
         return select_points(modal_model(spec), points)
     return select_points(uff_modal_model(Path(folder) / spec.file, spec.damping), points)
+
+
+def place_on(point: str | float, is_beam: bool, key: str) -> float | str:
+    """A described point as :func:`modal_model_of` takes it: a position [m] on a beam, else a name.
+
+    Raises:
+        InputError: not a position although the structure is a beam; `key` opens the message.
+    """
+    if not is_beam:
+        return point if isinstance(point, str) else str(point)
+    try:
+        return to_si(point, "m")
+    except ValueError as error:
+        raise InputError(f"{key}: given {point!r}; on a beam a point is a position; {error}") from None
 
 
 def _positions(points: Mapping[str, float | str]) -> dict[str, float]:
