@@ -44,9 +44,9 @@ Real = NDArray[np.float64]
 DAMPER = Path(__file__).parent.parent / "examples" / "small-damper-field.toml"
 MASS, RATIO = 0.5, 0.001
 """Of the oscillator without bed: mass [kg], damping ratio [-]."""
-SWEEPS = ((60.0, 0.15), (60.0, 0.3), (60.0, 0.6), (60.0, 1.5), (60.0, 6.0), (250.0, 0.15), (250.0, 0.3))
+SWEEPS = ((60.0, 0.3), (60.0, 6.0), (250.0, 0.3), (60.0, 1.5), (250.0, 0.15))
 """Frequency of the oscillator [Hz] and force [N]."""
-SWEEP_RATE = 0.3
+SWEEP_RATE = 0.5
 """Rate of frequency [Hz/s] over the square of the bandwidth [Hz]: below one the amplitude follows as if at rest."""
 ALLOWED_COST = 1.10
 
@@ -89,10 +89,18 @@ def swept(frequency: float, force: float, near: Equilibrium) -> Sweep:
     model = oscillator(MASS, frequency, RATIO)
     damper = load_spec(DAMPER, FieldSpec).damper
     centre, width = near.frequency, 2.0 * near.damping_ratio * near.frequency
-    half = max(2.5 * width, 0.02 * frequency)
+    half = max(2.0 * width, 0.02 * frequency)
     duration = 2.0 * half / (SWEEP_RATE * width**2)
     drive = SweptForce("mass", force, centre - half, centre + half, duration, soft_start=0.2)
-    run = cosimulate(Case(model, (Carried(damper, "mass"),), duration, forces=(drive,), sample_rate=40.0 * frequency))
+    case = Case(
+        model,
+        (Carried(damper, "mass"),),
+        duration,
+        forces=(drive,),
+        sample_rate=40.0 * frequency,
+        steps_per_contact=30,
+    )
+    run = cosimulate(case)
     at, speed = amplitudes(run.time, run.velocity("mass"), drive, 12.0 / frequency)
     top = speed > 0.85 * speed.max()
     curve = np.polyfit(at[top] - centre, speed[top], 2)
@@ -144,7 +152,7 @@ def sweeps(field_file: Path, keep: Path) -> list[str]:
     return lines
 
 
-def cost(n_cycle: int = 15, repeat: int = 4) -> list[str]:
+def cost(n_cycle: int = 30, repeat: int = 4) -> list[str]:
     """Time of a run with the structure in the loop over that of prescribed motion, same bed, same motion."""
     lines = [
         "| particles | f [Hz] | Γ | prescribed [µs per step] | together [µs per step] | ratio |",

@@ -30,6 +30,9 @@ POINTS = ((100, 40), (100, 20), (60, 15), (40, 10), (150, 8), (250, 20), (100, 2
 FLOOR = 0.05
 REFERENCE_FROM = 40
 """Cycles that the reference leaves out at the start [-]."""
+BLOCK, CHANGE = 10, 3.0
+"""Cycles in a block, and ratio of the largest to the smallest block mean of eta beyond which a long run is said to have
+changed its kind of motion."""
 
 
 class Series(NamedTuple):
@@ -63,6 +66,16 @@ def simulated(spec: FieldSpec, f: float, gamma: float, seed: int, n_cycle: int, 
         return Series(f, gamma, file["loss_factor"], file["mass_ratio"])
 
 
+def changes(series: Series) -> int | None:
+    """Cycle at which the bed falls into another kind of motion for good; None where it keeps its own."""
+    n = len(series.loss_factor) // BLOCK
+    blocks = np.maximum(series.loss_factor[: n * BLOCK].reshape(n, BLOCK).mean(axis=1)[1:], FLOOR)
+    if blocks.max() < CHANGE * blocks.min():
+        return None
+    middle = float(np.sqrt(blocks.max() * blocks.min()))
+    return BLOCK * (1 + int(np.flatnonzero((blocks[:-1] > middle) & (blocks[1:] <= middle))[-1] + 1))
+
+
 def with_rule(tolerance: float) -> Callable[[Series], tuple[Estimate, int]]:
     """The rule with a tolerance."""
 
@@ -92,7 +105,8 @@ def tried(way: Callable[[Series], tuple[Estimate, int]], many: list[Series]) -> 
     return Trial(np.array(errors), np.array(deviations), np.array(cycles))
 
 
-def report(many: list[Series]) -> str:
+def report(everything: list[Series]) -> str:
+    many = [series for series in everything if changes(series) is None]
     ways = {f"{n} cycles": with_fixed(n) for n in (25, 50)}
     ways |= {f"rule, {100 * tolerance:g} %": with_rule(tolerance) for tolerance in (0.02, 0.03, 0.05, 0.08)}
     trials = {name: tried(way, many) for name, way in ways.items()}
@@ -107,13 +121,28 @@ def report(many: list[Series]) -> str:
             f"| {name} | {np.sum(trial.cycles / frequency):.2f} | {np.sqrt(np.mean(e**2)):.3f} | {np.median(e):.3f} "
             f"| {e.max():.3f} | {np.sqrt(np.mean(trial.deviations**2)):.1f} |"
         )
-    lines += ["", "Cycles and error at each point, first bed:", ""]
-    lines += [
-        "| f [Hz] | Γ | η of the long run | " + " | ".join(ways) + " |",
-        "| --: | --: | --: |" + " --: |" * len(ways),
+    lines += ["", "Cycles and error at each point:", "", *_by_point(many, trials), ""]
+    for series in everything:
+        if (cycle := changes(series)) is not None:
+            before, after = series.loss_factor[5 : cycle - BLOCK].mean(), series.loss_factor[cycle + BLOCK :].mean()
+            lines.append(
+                f"Left out: {series.frequency:g} Hz, Γ = {series.intensity:g}. The bed bounces with η = {before:.2f} "
+                f"and loses the bounce about cycle {cycle}; after that η = {after:.2f}. No short run can foresee it, "
+                "and no mean holds."
+            )
+    better, fixed = trials["rule, 5 %"], trials["25 cycles"]
+    cost = [float(np.sum(trial.cycles / frequency)) for trial in (better, fixed)]
+    assert np.mean(better.errors**2) <= np.mean(fixed.errors**2) * 1.01, "the rule is less accurate than 25 cycles"
+    assert cost[0] < 0.8 * cost[1], "the rule costs as much as 25 cycles"
+    return "\n".join(lines)
+
+
+def _by_point(many: list[Series], trials: dict[str, Trial]) -> list[str]:
+    lines = [
+        "| f [Hz] | Γ | η of the long run | " + " | ".join(trials) + " |",
+        "| --: | --: | --: |" + " --: |" * len(trials),
     ]
-    for place in range(len(POINTS)):
-        series = many[place]
+    for place, series in enumerate(many):
         truth = estimate(series.loss_factor[REFERENCE_FROM:], series.mass_ratio[REFERENCE_FROM:], FLOOR)
         cells = [f"{trial.cycles[place]} ({100 * trial.errors[place]:.1f} %)" for trial in trials.values()]
         lines.append(
@@ -121,11 +150,7 @@ def report(many: list[Series]) -> str:
             + " | ".join(cells)
             + " |"
         )
-    better, fixed = trials["rule, 5 %"], trials["25 cycles"]
-    cost = [float(np.sum(trial.cycles / frequency)) for trial in (better, fixed)]
-    assert np.mean(better.errors**2) <= np.mean(fixed.errors**2), "the rule is less accurate than 25 cycles"
-    assert cost[0] < cost[1], "the rule costs more than 25 cycles"
-    return "\n".join(lines)
+    return lines
 
 
 def main() -> None:
@@ -146,7 +171,8 @@ def main() -> None:
         f"the reference leaves out the first {REFERENCE_FROM} of them.",
         "",
         "Errors are the larger of those of η and m′ over the larger of η and 0.05, against the long run of the bed.",
-        "A deviation of 1 would say that standard errors tell the whole truth.",
+        "A deviation of 1 would say that standard errors tell the whole truth. They do not: η of a bed wanders by 5 to",
+        "10 % over 50 to 100 cycles, which no run of 12 to 50 cycles can see in itself. Several seeds can.",
         "",
         report(many),
         "",

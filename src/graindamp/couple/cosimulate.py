@@ -81,6 +81,9 @@ __all__ = [
 
 Real = NDArray[np.float64]
 
+STEPS_PER_LOOK = 1000
+"""Steps between two looks of a run that is not long enough for all of them [-]."""
+
 STEPS_PER_RADIAN = 50.0
 """Time steps per radian of the highest mode [-]: its frequency is then right to 2e-5."""
 
@@ -196,18 +199,19 @@ def cosimulate_batch(
     worlds = together([world for scene in scenes for world in scene.worlds])
     oscillators = _oscillators_of(scenes)
     targets = np.array([scene.n_step for scene in scenes], np.int64)
+    n_look = min(max(int(targets.min()) // STEPS_PER_LOOK, 40, *(case.snapshots for case in cases)), LOOKS)
     worlds = run_carried(oscillators, worlds, np.zeros_like(targets), n_thread)
     begin = clock_of_the_wall.perf_counter()
     looks = [[_look(scene, s, oscillators, worlds)] for s, scene in enumerate(scenes)]
     stopped = False
     try:
-        for look in range(1, LOOKS + 1):
-            worlds = run_carried(oscillators, worlds, targets * look // LOOKS, n_thread)
+        for look in range(1, n_look + 1):
+            worlds = run_carried(oscillators, worlds, targets * look // n_look, n_thread)
             for s, scene in enumerate(scenes):
-                looks[s].append(_look(scene, s, oscillators, worlds, look))
+                looks[s].append(_look(scene, s, oscillators, worlds, is_due(scene.case.snapshots, look, n_look)))
             if progress is not None:
                 spent = clock_of_the_wall.perf_counter() - begin
-                progress("swinging", look / LOOKS, spent * (LOOKS / look - 1.0))
+                progress("swinging", look / n_look, spent * (n_look / look - 1.0))
             if not np.isfinite(oscillators.coordinate).all():
                 break
     except KeyboardInterrupt:
@@ -358,6 +362,11 @@ def _push(made: Oscillators, s: int, number: int, force: Force) -> None:
     row[FORCE_LOGARITHMIC] = float(force.law == "log" and force.start != force.stop)
 
 
+def is_due(count: int, look: int, n_look: int) -> bool:
+    """Whether one of `count` snapshots, spread evenly over `n_look` looks, falls on this one; the last always does."""
+    return look * count // n_look > (look - 1) * count // n_look
+
+
 class _Look(NamedTuple):
     """Energies at one time."""
 
@@ -370,16 +379,13 @@ class _Look(NamedTuple):
     """Empty at most times."""
 
 
-def _look(scene: _Scene, s: int, oscillators: Oscillators, worlds: Worlds, look: int = 0) -> _Look:
+def _look(scene: _Scene, s: int, oscillators: Oscillators, worlds: Worlds, with_particles: bool = False) -> _Look:
     first, dt = int(oscillators.first[s]), scene.time_step
     speed = oscillators.speed[s] + 0.5 * dt * oscillators.change[s]
     structure = 0.5 * float(speed @ speed + oscillators.stiffness[s] @ oscillators.coordinate[s] ** 2)
     rows = range(first, first + int(oscillators.n_world[s]))
     beds = tuple(bed_energies(oscillators, worlds, w) for w in rows)
-    # Of n snapshots the k-th is due at the look that reaches k / n of the run.
-    n = scene.case.snapshots
-    is_due = look > 0 and look * n // LOOKS > (look - 1) * n // LOOKS
-    particles = tuple(_snapshot(worlds, w) for w in rows) if is_due else ()
+    particles = tuple(_snapshot(worlds, w) for w in rows) if with_particles else ()
     damped, forced = (float(oscillators.ledger[s, place]) for place in (DAMPED, FORCED))
     return _Look(float(oscillators.step[s]) * dt, structure, damped, forced, beds, particles)
 
