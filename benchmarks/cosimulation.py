@@ -4,7 +4,8 @@
 
 The damper of examples/small-damper-field.toml, 500 spheres, hangs on a mass with a spring. Its field, 28 x 15 points,
 predicts damping ratio and frequency at resonance under a force; a slow sweep with the particles in the loop measures
-both. FIELD.nc comes from
+both. Three beds are then shaken at the point that the sweep reached, so that the spread between beds shows. FIELD.nc
+comes from
 
     graindamp field benchmarks/small_damper_grid.toml -o FIELD.nc
 
@@ -23,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from graindamp.campaign.point import task_of
 from graindamp.couple.balance import Attached
 from graindamp.couple.cosimulate import Carried, Case, SweptForce, cosimulate
 from graindamp.couple.equilibrium import Equilibrium, solve_mode
@@ -32,6 +34,7 @@ from graindamp.dem.simulate import simulate
 from graindamp.field.interpolate import Interpolant
 from graindamp.field.store import read_field
 from graindamp.impact.system import oscillator
+from graindamp.signals.simulated import cycle_values
 from graindamp.spec.field import FieldSpec
 from graindamp.spec.model import load_spec
 from graindamp.spec.motion import HarmonicMotion
@@ -48,6 +51,10 @@ SWEEPS = ((60.0, 0.3), (60.0, 6.0), (250.0, 0.3), (60.0, 1.5), (250.0, 0.15))
 """Frequency of the oscillator [Hz] and force [N]."""
 SWEEP_RATE = 0.5
 """Rate of frequency [Hz/s] over the square of the bandwidth [Hz]: below one the amplitude follows as if at rest."""
+SWEEP_CYCLES = 500
+"""Cycles of a sweep at least [-]."""
+BEDS = 3
+"""Beds shaken at the point that a sweep reached."""
 ALLOWED_COST = 1.10
 
 
@@ -57,7 +64,7 @@ class Sweep(NamedTuple):
     frequency: float
     """Of the largest amplitude [Hz]."""
     damping_ratio: float
-    """Force over 2 omega mass velocity, there [-]."""
+    """Force over 2 omega mass velocity, there, with the mass that the bed's share makes of it [-]."""
     damping_ratio_se: float
     intensity: float
     residual: float
@@ -90,7 +97,7 @@ def swept(frequency: float, force: float, near: Equilibrium) -> Sweep:
     damper = load_spec(DAMPER, FieldSpec).damper
     centre, width = near.frequency, 2.0 * near.damping_ratio * near.frequency
     half = max(2.0 * width, 0.02 * frequency)
-    duration = 2.0 * half / (SWEEP_RATE * width**2)
+    duration = max(2.0 * half / (SWEEP_RATE * width**2), SWEEP_CYCLES / frequency)
     drive = SweptForce("mass", force, centre - half, centre + half, duration, soft_start=0.2)
     case = Case(
         model,
@@ -101,7 +108,7 @@ def swept(frequency: float, force: float, near: Equilibrium) -> Sweep:
         steps_per_contact=30,
     )
     run = cosimulate(case)
-    at, speed = amplitudes(run.time, run.velocity("mass"), drive, 12.0 / frequency)
+    at, speed = amplitudes(run.time, run.velocity("mass"), drive, max(duration / 60.0, 4.0 / frequency))
     top = speed > 0.85 * speed.max()
     curve = np.polyfit(at[top] - centre, speed[top], 2)
     peak = -0.5 * curve[1] / curve[0] if curve[0] < 0.0 else float(at[np.argmax(speed)] - centre)
@@ -110,7 +117,7 @@ def swept(frequency: float, force: float, near: Equilibrium) -> Sweep:
     scatter = float(np.std(speed[top] - np.polyval(curve, at[top] - centre), ddof=3))
     error = scatter / math.sqrt(max(np.count_nonzero(top) / 3.0, 1.0))
     omega = 2.0 * math.pi * (centre + peak)
-    ratio = force / (2.0 * omega * MASS * largest)
+    ratio = force * omega / (2.0 * MASS * model.omega[0] ** 2 * largest)
     return Sweep(
         centre + peak,
         ratio,
@@ -121,11 +128,28 @@ def swept(frequency: float, force: float, near: Equilibrium) -> Sweep:
     )
 
 
+def shaken(frequency: float, intensity: float, keep: Path) -> tuple[float, float]:
+    """Damping ratio of the oscillator from beds shaken at the point that a sweep reached: mean over the beds, and its
+    standard error from their spread [-]."""
+    path = keep / f"shaken-{frequency:.2f}-{intensity:.3f}.npy"
+    if not path.exists():
+        spec, found = load_spec(DAMPER, FieldSpec), []
+        for seed in range(BEDS):
+            one = task_of(spec, frequency, intensity, seed).simulation
+            run = simulate(one.model_copy(update={"run": one.run.model_copy(update={"cycles": 60.0})}))
+            values = cycle_values(run)
+            eta, share = values.loss_factor[10:].mean(), values.effective_mass_ratio[10:].mean()
+            found.append(RATIO + 0.5 * eta * run.bed_mass / (MASS + share * run.bed_mass))
+        np.save(path, np.array(found))
+    ratios = np.load(path)
+    return float(ratios.mean()), float(ratios.std(ddof=1)) / math.sqrt(len(ratios))
+
+
 def sweeps(field_file: Path, keep: Path) -> list[str]:
     """Table of damping ratios by field and by simulation together."""
     lines = [
-        "| oscillator [Hz] | force [N] | Γ field | Γ together | ζ field [%] | ζ together [%] | z | f field [Hz] "
-        "| f together [Hz] | energy open [%] | time [s] |",
+        "| oscillator [Hz] | force [N] | Γ field | Γ together | ζ field [%] | ζ together [%] | ζ of 3 beds [%] "
+        "| f field [Hz] | f together [Hz] | energy open [%] | time [s] |",
         "| --: | --: | --: | --: | --: | --: | --: | --: | --: | --: | --: |",
     ]
     for frequency, force in SWEEPS:
@@ -139,12 +163,13 @@ def sweeps(field_file: Path, keep: Path) -> list[str]:
             np.save(path, np.array(swept(frequency, force, states[0])))
         sweep = Sweep(*np.load(path).tolist())
         state = min(states, key=lambda s: abs(math.log(float(s.intensity[0]) / sweep.intensity)))
-        z = (sweep.damping_ratio - state.damping_ratio) / math.hypot(sweep.damping_ratio_se, state.damping_ratio_se)
+        mean, error = shaken(sweep.frequency, sweep.intensity, keep)
         more = "" if len(states) == 1 else f" ({len(states)} stable)"
         lines.append(
             f"| {frequency:g} | {force:g} | {state.intensity[0]:.3g}{more} | {sweep.intensity:.3g} "
             f"| {100 * state.damping_ratio:.3f} ± {100 * state.damping_ratio_se:.3f} "
-            f"| {100 * sweep.damping_ratio:.3f} ± {100 * sweep.damping_ratio_se:.3f} | {z:+.1f} "
+            f"| {100 * sweep.damping_ratio:.3f} ± {100 * sweep.damping_ratio_se:.3f} "
+            f"| {100 * mean:.3f} ± {100 * error:.3f} "
             f"| {state.frequency:.2f} ± {state.frequency_se:.2f} | {sweep.frequency:.2f} "
             f"| {100 * sweep.residual:.3f} | {sweep.seconds:.0f} |"
         )

@@ -21,47 +21,27 @@ from graindamp.couple.cases import (
     HarmonicForce,
     SampledForce,
     SweptForce,
-    bare_speed,
     check,
     force_values,
     released,
     sag_of,
-    weight_of,
 )
+from graindamp.couple.scene import Scene, oscillators_of, scene_of
 from graindamp.dem.carried import run_carried
 from graindamp.dem.columns import LOWEST_SPEED
-from graindamp.dem.container import enclosure_of
 from graindamp.dem.energy import Energies, energies, velocity_now
 from graindamp.dem.engine import together
-from graindamp.dem.interactions import Interactions, interactions_of
 from graindamp.dem.notes import FEW_STEPS, LARGE_OVERLAP
 from graindamp.dem.oscillators import (
     ANGLE,
     DAMPED,
-    FORCE_AMPLITUDE,
-    FORCE_COUNT,
-    FORCE_DURATION,
-    FORCE_HARMONIC,
-    FORCE_LOGARITHMIC,
-    FORCE_OMEGA,
-    FORCE_OMEGA_LAST,
-    FORCE_PHASE,
-    FORCE_RAMP,
-    FORCE_SERIES,
-    FORCE_SWEEP,
     FORCED,
     TURN_RATE,
     Oscillators,
-    empty_oscillators,
 )
-from graindamp.dem.packing import PHYSICS, pack
 from graindamp.dem.packing_store import Packing, Progress
 from graindamp.dem.run import Snapshot
-from graindamp.dem.simulate import SKIN_STEPS
 from graindamp.dem.state import Worlds
-from graindamp.dem.timestep import shortest_contact
-from graindamp.dem.turned import turned
-from graindamp.dem.world import Bed, world_of
 from graindamp.status import Status
 from graindamp.structure.modal import point_index
 
@@ -83,9 +63,6 @@ Real = NDArray[np.float64]
 
 STEPS_PER_LOOK = 1000
 """Steps between two looks of a run that is not long enough for all of them [-]."""
-
-STEPS_PER_RADIAN = 50.0
-"""Time steps per radian of the highest mode [-]: its frequency is then right to 2e-5."""
 
 
 class CoRun(NamedTuple):
@@ -195,9 +172,9 @@ def cosimulate_batch(
     """
     for case in cases:
         check(case)
-    scenes = [_scene_of(case, folder, cache, progress) for case in cases]
+    scenes = [scene_of(case, folder, cache, progress) for case in cases]
     worlds = together([world for scene in scenes for world in scene.worlds])
-    oscillators = _oscillators_of(scenes)
+    oscillators = oscillators_of(scenes)
     targets = np.array([scene.n_step for scene in scenes], np.int64)
     n_look = min(max(int(targets.min()) // STEPS_PER_LOOK, 40, *(case.snapshots for case in cases)), LOOKS)
     worlds = run_carried(oscillators, worlds, np.zeros_like(targets), n_thread)
@@ -220,148 +197,6 @@ def cosimulate_batch(
     return [_result(scene, s, oscillators, worlds, looks[s], seconds, stopped) for s, scene in enumerate(scenes)]
 
 
-class _Scene(NamedTuple):
-    """A case made ready."""
-
-    case: Case
-    packings: tuple[Packing, ...]
-    bed_mass: tuple[float, ...]
-    contact_at_one: float
-    """Shortest contact at a speed of 1 m/s [s]."""
-    is_hertzian: bool
-    """Whether contacts shorten with speed."""
-    time_step: float
-    stride: int
-    n_step: int
-    n_sample: int
-    worlds: tuple[Worlds, ...]
-
-
-def _scene_of(case: Case, folder: Path | None, cache: Path | None, progress: Progress | None) -> _Scene:
-    packings, beds, constants, speeds = [], [], [], []
-    for carried in case.dampers:
-        damper = carried.damper
-        packing = carried.packing
-        if packing is None:
-            packing = pack(damper, folder=folder, cache=cache, progress=progress)
-            packing = turned(damper, packing, physics=PHYSICS, folder=folder, cache=cache, progress=progress)
-        interactions = interactions_of(damper)
-        material = np.asarray(interactions.component, np.int32)[packing.component]
-        fall = math.sqrt(8.0 * float(np.linalg.norm(damper.gravity)) * float(packing.radius.max()))
-        packings.append(packing)
-        constants.append(interactions)
-        beds.append(Bed.at_rest(np.ascontiguousarray(packing.position), packing.radius, material))
-        speeds.append(2.0 * bare_speed(case, point_index(case.model, carried.point)) + fall + 0.02)
-    time_step, stride, n_step, n_sample = _steps(case, constants, beds, speeds)
-    worlds = []
-    for carried, packing, bed, interactions, speed in zip(case.dampers, packings, beds, constants, speeds, strict=True):
-        enclosure = enclosure_of(carried.damper, interactions, lid_height=packing.lid_height, folder=folder)
-        smallest = float(bed.radius.min())
-        worlds.append(
-            world_of(
-                bed,
-                enclosure,
-                interactions,
-                carried.damper.gravity,
-                time_step,
-                n_sample=n_sample,
-                stride=stride,
-                skin=min(max(SKIN_STEPS * speed * time_step, 0.04 * smallest), 0.25 * smallest),
-            )
-        )
-    masses = [
-        float((interactions.density[bed.material] * 4.0 / 3.0 * math.pi * bed.radius**3).sum())
-        for bed, interactions in zip(beds, constants, strict=True)
-    ]
-    at_one = min(shortest_contact(c, bed.radius, bed.material, 1.0) for c, bed in zip(constants, beds, strict=True))
-    hertzian = any(carried.damper.contact.law != "linear" for carried in case.dampers)
-    return _Scene(
-        case, tuple(packings), tuple(masses), at_one, hertzian, time_step, stride, n_step, n_sample, tuple(worlds)
-    )
-
-
-def _steps(
-    case: Case, constants: Sequence[Interactions], beds: Sequence[Bed], speeds: Sequence[float]
-) -> tuple[float, int, int, int]:
-    """Time step [s], steps per sample, steps of the run and samples."""
-    contact = min(
-        shortest_contact(interactions, bed.radius, bed.material, speed)
-        for interactions, bed, speed in zip(constants, beds, speeds, strict=True)
-    )
-    highest = float(case.model.omega.max())
-    longest = case.time_step or contact / case.steps_per_contact
-    if highest > 0.0:
-        longest = min(longest, 1.0 / (STEPS_PER_RADIAN * highest))
-    rate = case.sample_rate or max(40.0 * highest / (2.0 * math.pi), 1e3)
-    stride = max(math.ceil(1.0 / rate / longest - 1e-9), 1)
-    time_step = 1.0 / rate / stride
-    n_sample = max(round(case.duration * rate), 1)
-    return time_step, stride, n_sample * stride, n_sample
-
-
-def _oscillators_of(scenes: Sequence[_Scene]) -> Oscillators:
-    n_force = max(len(scene.case.forces) for scene in scenes) + 1
-    n_mode = max(len(scene.case.model.omega) for scene in scenes)
-    series = [force.samples for scene in scenes for force in scene.case.forces if isinstance(force, SampledForce)]
-    made = empty_oscillators(
-        len(scenes),
-        sum(len(scene.worlds) for scene in scenes),
-        n_mode,
-        n_force,
-        max((len(samples) for samples in series), default=0) + 1,
-        max(scene.n_sample for scene in scenes) + 1,
-    )
-    first = 0
-    for s, scene in enumerate(scenes):
-        case, model = scene.case, scene.case.model
-        n = len(model.omega)
-        made.first[s], made.n_world[s], made.n_mode[s] = first, len(scene.worlds), n
-        made.stiffness[s, :n], made.damping[s, :n] = model.omega**2, model.damping
-        made.coordinate[s, :n] = sag_of(case, scene.bed_mass) + (0.0 if case.q is None else case.q)
-        made.speed[s, :n] = 0.0 if case.v is None else case.v
-        for number, carried in enumerate(case.dampers):
-            _hang(made, first + number, carried, case)
-        for number, force in enumerate(case.forces):
-            _push(made, s, number, force)
-            made.participation[s, number, :n] = model.shape[point_index(model, force.point)]
-        # What holds a free structure up holds the weight of its beds: a constant force on its rigid-body modes.
-        made.force[s, n_force - 1, [FORCE_AMPLITUDE, FORCE_PHASE]] = 1.0, 0.5 * math.pi
-        rigid = model.omega == 0.0
-        made.participation[s, n_force - 1, :n] = np.where(rigid, -weight_of(case, scene.bed_mass), 0.0)
-        first += len(scene.worlds)
-    return made
-
-
-def _hang(made: Oscillators, w: int, carried: Carried, case: Case) -> None:
-    """Fix the container of world w to the structure."""
-    row, n = point_index(case.model, carried.point), len(case.model.omega)
-    made.shape[w, :n] = np.outer(case.model.shape[row], carried.direction)
-    made.pivot[w] = carried.pivot
-    if carried.along is not None:
-        made.turns[w] = 1
-        made.slope[w, :n] = case.model.slope[row]
-        made.axis[w] = np.cross(carried.along, carried.direction)
-
-
-def _push(made: Oscillators, s: int, number: int, force: Force) -> None:
-    """Write an external force into the table of structure s."""
-    row = made.force[s, number]
-    if isinstance(force, SampledForce):
-        made.force_kind[s, number] = FORCE_SERIES
-        row[FORCE_DURATION], row[FORCE_COUNT] = 1.0 / force.rate, len(force.samples)
-        made.force_series[s, number, : len(force.samples)] = force.samples
-        return
-    row[FORCE_AMPLITUDE], row[FORCE_RAMP] = force.amplitude, force.soft_start
-    if isinstance(force, HarmonicForce):
-        made.force_kind[s, number] = FORCE_HARMONIC
-        row[FORCE_OMEGA], row[FORCE_PHASE] = 2.0 * math.pi * force.frequency, force.phase
-        return
-    made.force_kind[s, number] = FORCE_SWEEP
-    row[FORCE_DURATION] = force.duration
-    row[FORCE_OMEGA], row[FORCE_OMEGA_LAST] = 2.0 * math.pi * force.start, 2.0 * math.pi * force.stop
-    row[FORCE_LOGARITHMIC] = float(force.law == "log" and force.start != force.stop)
-
-
 def is_due(count: int, look: int, n_look: int) -> bool:
     """Whether one of `count` snapshots, spread evenly over `n_look` looks, falls on this one; the last always does."""
     return look * count // n_look > (look - 1) * count // n_look
@@ -379,7 +214,7 @@ class _Look(NamedTuple):
     """Empty at most times."""
 
 
-def _look(scene: _Scene, s: int, oscillators: Oscillators, worlds: Worlds, with_particles: bool = False) -> _Look:
+def _look(scene: Scene, s: int, oscillators: Oscillators, worlds: Worlds, with_particles: bool = False) -> _Look:
     first, dt = int(oscillators.first[s]), scene.time_step
     speed = oscillators.speed[s] + 0.5 * dt * oscillators.change[s]
     structure = 0.5 * float(speed @ speed + oscillators.stiffness[s] @ oscillators.coordinate[s] ** 2)
@@ -429,7 +264,7 @@ def bed_energies(oscillators: Oscillators, worlds: Worlds, w: int) -> Energies:
 
 
 def _result(
-    scene: _Scene, s: int, oscillators: Oscillators, worlds: Worlds, looks: list[_Look], seconds: float, stopped: bool
+    scene: Scene, s: int, oscillators: Oscillators, worlds: Worlds, looks: list[_Look], seconds: float, stopped: bool
 ) -> CoRun:
     first, n = int(oscillators.first[s]), int(oscillators.n_sample[s])
     n_mode = len(scene.case.model.omega)
