@@ -64,9 +64,10 @@ class Task(NamedTuple):
 
 
 def simulate_batch(
-    tasks: Iterable[Task],
+    tasks: Iterable[Task | None],
     *,
     enough: Callable[[int], Enough] | None = None,
+    refused: Callable[[int, InputError], None] | None = None,
     precision: str = "mixed",
     folder: Path | None = None,
     cache: Path | None = None,
@@ -84,12 +85,14 @@ def simulate_batch(
 
     Args:
         tasks: operating points; taken from the iterable when a slot is free, so that it may be endless for a while.
+            None: there is none now, look again after a launch. If nothing is under way either, the batch ends.
         enough: called with the number of a task; gives what is asked after its cycles whether it may end. If that has
-            an attribute `next_look`, it is not asked before so many cycles.
+            attribute `next_look`, it is not asked before so many cycles.
+        refused: told the number of a task that cannot be simulated and why; the others go on. None: raised.
         precision: "mixed" or "double".
         folder: what files in the descriptions are relative to; None: the working folder.
         cache: folder of stored packings; None: that of the user.
-        slots: operating points that run at once; None: as many as keep the GPU busy.
+        slots: operating points that run at once, at most; None: as many as keep the GPU busy.
         chunk: steps per launch; None: as many as take a tenth of a second.
         team: thread blocks per operating point, for fewer operating points than the GPU has multiprocessors; `slots`
             times `team` may not exceed what runs on the GPU at once.
@@ -100,7 +103,8 @@ def simulate_batch(
         Number of the task, counted from 0, and its result, in the order in which they end.
 
     Raises:
-        InputError: numba-cuda or a GPU is missing, or a description cannot be used.
+        InputError: numba-cuda or a GPU is missing; or, unless there is `refused`, a description cannot be used or its
+            world does not fit the GPU.
     """
     if precision not in PRECISION:
         raise InputError(f'precision is "{precision}"; it can be "mixed" or "double"')
@@ -111,8 +115,18 @@ def simulate_batch(
     slots = slots or max(blocks // team, 1)
     if team > 1 and slots * team > blocks:
         raise InputError(f"{slots} slots of {team} blocks are more than the {blocks} that run at once; use fewer")
-    driver = _Driver(iter(tasks), enough, base, Describer(folder, cache), slots, team, chunk, progress)
+    driver = _Driver(iter(tasks), enough, refused, base, Describer(folder, cache), slots, team, chunk, progress)
     yield from driver.results()
+
+
+def full_slots() -> int:
+    """Operating points that keep the GPU busy [-].
+
+    Raises:
+        InputError: numba-cuda or a GPU is missing.
+    """
+    require()
+    return _blocks_of(Variant(threads=SIMULATED_THREADS if simulated() else THREADS))
 
 
 class _Resident:
@@ -144,8 +158,9 @@ class _Driver:
 
     def __init__(
         self,
-        tasks: Iterator[Task],
+        tasks: Iterator[Task | None],
         enough: Callable[[int], Enough] | None,
+        refused: Callable[[int, InputError], None] | None,
         variant: Variant,
         describer: Describer,
         slots: int,
@@ -153,11 +168,12 @@ class _Driver:
         chunk: int | None,
         progress: Callable[[int, float], None] | None,
     ) -> None:
-        self.tasks, self.enough, self.variant, self.describer = enumerate(tasks), enough, variant, describer
-        self.team = team
+        self.tasks, self.enough, self.refused = tasks, enough, refused
+        self.variant, self.describer, self.team = variant, describer, team
+        self.most, self.taken = slots, 0
         self.chunk, self.adapt, self.progress = chunk or FIRST_CHUNK, chunk is None and not simulated(), progress
         self.waiting: deque[tuple[int, Described]] = deque()
-        self.resident: list[_Resident | None] = [None] * slots
+        self.resident: list[_Resident | None] = []
         self.memory: Memory | None = None
         self.kernels: Kernels | None = None
         self.finished, self.work = 0, 0.0
@@ -165,41 +181,44 @@ class _Driver:
     def results(self) -> Iterator[tuple[int, Run]]:
         """Run all tasks."""
         while True:
-            self._fill()
+            while not self._fill():
+                pass
             if not any(self.resident):
                 return
             self._launch()
             yield from self._look()
 
     def _next(self) -> tuple[int, Described] | None:
-        """The next world to be loaded."""
+        """The next world to be loaded; None: there is none now."""
         if self.waiting:
             return self.waiting.popleft()
-        for number, task in self.tasks:
-            return number, self.describer.described(*task)
+        for task in self.tasks:
+            if task is None:
+                return None
+            number, self.taken = self.taken, self.taken + 1
+            try:
+                return number, self.describer.described(*task)
+            except InputError as error:
+                if self.refused is None:
+                    raise
+                self.refused(number, error)
         return None
 
-    def _fill(self) -> None:
-        """Load worlds into free slots; at first decide how many slots there are."""
-        new: list[tuple[int, _Resident]] = []
-        for slot, one in enumerate(self.resident):
-            if one is None:
-                found = self._next()
-                if found is None:
-                    break
-                number, world = found
-                resident = _Resident(number, world, self.enough(number) if self.enough else None)
-                self.resident[slot] = resident
-                new.append((slot, resident))
+    def _fill(self) -> bool:
+        """Load worlds into free slots, and make more slots while worlds wait and the most is not reached. False: there
+        was no room, fewer have to be tried."""
+        had = len(self.resident)
+        new = self._taken_in()
         if not new:
-            return
-        if self.memory is None:
-            self.resident = self.resident[: len(new)]
+            return True
         wanted = self._room([resident.world for _, resident in new])
         fits = self.memory is not None and covering(wanted, self.memory.room) == self.memory.room
-        if not fits and not self._grow(wanted):
-            self._fill()
-            return
+        if not fits and not self._enlarge(wanted):
+            if self.memory is not None and len(self.resident) > had:
+                self._retreat(new, had)
+            else:
+                self._fewer()
+            return False
         assert self.memory is not None
         assert self.kernels is not None
         for slot, resident in new:
@@ -209,6 +228,22 @@ class _Driver:
             counts = np.zeros(self.memory.layout["slots"]["counts"][0][1], np.int64)
             counts[STAGE] = NEW
             self.memory.write("slots", "counts", slot, counts)
+        return True
+
+    def _taken_in(self) -> list[tuple[int, _Resident]]:
+        """The next worlds with their slots, which they have now, but not yet on the device."""
+        new: list[tuple[int, _Resident]] = []
+        for slot in range(self.most):
+            if slot < len(self.resident) and self.resident[slot] is not None:
+                continue
+            found = self._next()
+            if found is None:
+                break
+            number, world = found
+            resident = _Resident(number, world, self.enough(number) if self.enough else None)
+            self.resident[slot : slot + 1] = [resident]
+            new.append((slot, resident))
+        return new
 
     def _room(self, worlds: list[Described]) -> Room:
         rooms = [world.loaded.room(self.variant.threads * self.team) for world in worlds]
@@ -217,20 +252,14 @@ class _Driver:
             room = covering(room, one)
         return room._replace(slots=len(self.resident))
 
-    def _grow(self, wanted: Room) -> bool:
-        """Make room. False: there was none, and everything was put back to start with fewer slots."""
+    def _enlarge(self, wanted: Room) -> bool:
+        """Make room for all worlds as they are. False: there was none, and nothing has changed."""
         try:
             if self.memory is None:
                 self.memory = Memory(wanted, self.variant.real)
-                counts = self.memory.read("slots", "counts")
-                counts[:, STAGE] = IDLE
-                self.memory.whole("slots", "counts", counts)
             else:
                 self.memory = self.memory.enlarged(covering(wanted, self.memory.room))
         except MemoryError:
-            if len(self.resident) == 1:
-                raise InputError("one operating point alone does not fit the GPU; use the CPU back end") from None
-            self._put_back(len(self.resident) // 2)
             return False
         room = self.memory.room
         if self.kernels is None or (self.variant.springs, self.variant.rolling) != (room.springs, room.rolling):
@@ -238,12 +267,25 @@ class _Driver:
             self.kernels = kernels_of(self.variant)
         return True
 
-    def _put_back(self, slots: int) -> None:
-        """Put all worlds back, to start anew in fewer slots."""
-        for one in reversed(self.resident):
-            if one is not None:
-                self.waiting.appendleft((one.number, one.world))
-        self.resident, self.memory = [None] * slots, None
+    def _retreat(self, new: list[tuple[int, _Resident]], slots: int) -> None:
+        """Put new worlds back, and stay with the slots that there were."""
+        for slot, one in reversed(new):
+            self.waiting.appendleft((one.number, one.world))
+            self.resident[slot] = None
+        self.most = slots
+        del self.resident[slots:]
+
+    def _fewer(self) -> None:
+        """Put all worlds back, to start anew in half the slots; give one up that does not fit alone."""
+        worlds = [one for one in self.resident if one is not None]
+        self.resident, self.memory, self.most = [], None, max(len(worlds) // 2, 1)
+        if len(worlds) > 1:
+            self.waiting.extendleft((one.number, one.world) for one in reversed(worlds))
+            return
+        reason = InputError("one operating point alone does not fit the GPU; use the CPU back end")
+        if self.refused is None:
+            raise reason
+        self.refused(worlds[0].number, reason)
 
     def _aim(self, slot: int, resident: _Resident) -> None:
         assert self.memory is not None
@@ -309,11 +351,13 @@ class _Driver:
             pairs=int(GROWTH * pairs) + 16 if pairs > room.pairs else room.pairs,
             touches=int(GROWTH * touches) + 16 if touches > room.touches else room.touches,
         )
-        if self._grow(longer):
-            for slot in full:
-                counts = self.counts[slot].copy()
-                counts[STATUS] &= ~LISTS_FULL
-                self.memory.write("slots", "counts", slot, counts)
+        if not self._enlarge(longer):
+            self._fewer()
+            return
+        for slot in full:
+            counts = self.counts[slot].copy()
+            counts[STATUS] &= ~LISTS_FULL
+            self.memory.write("slots", "counts", slot, counts)
 
 
 def _blocks_of(variant: Variant) -> int:

@@ -4,6 +4,7 @@ A function is built anew with other globals: functions that it calls are built l
 working type, and names of :class:`Variant` become constants that the compiler folds. In bodies of working precision the
 literals are of the working type too, because a bare 0.5 would promote single precision to double."""
 
+import ctypes
 import importlib.util
 import math
 import os
@@ -102,6 +103,30 @@ def require(gpu: bool = True) -> None:
             "no GPU that CUDA can use was found; check that nvidia-smi lists it and that its driver is new enough, "
             "or use the CPU back end"
         )
+
+
+def available() -> bool:
+    """Whether the back end and a GPU for it are there; numba's simulator is none.
+
+    Where there is no GPU this takes no time: CUDA's driver is asked before numba-cuda is loaded.
+    """
+    if simulated() or importlib.util.find_spec("numba_cuda") is None or not _devices_of_driver():
+        return False
+    from numba import cuda
+
+    return bool(cuda.is_available())
+
+
+def _devices_of_driver() -> int:
+    """GPUs that CUDA's driver lists [-]; 0 without a driver."""
+    try:
+        driver = ctypes.CDLL("nvcuda.dll" if os.name == "nt" else "libcuda.so.1")
+    except OSError:
+        return 0
+    count = ctypes.c_int(0)
+    if driver.cuInit(0) != 0 or driver.cuDeviceGetCount(ctypes.byref(count)) != 0:
+        return 0
+    return count.value
 
 
 class _SimulatedCuda:
