@@ -12,7 +12,7 @@ from dem_made import damper_of, state_of
 from graindamp.dem.container import enclosure_of
 from graindamp.dem.energy import energies
 from graindamp.dem.engine import run, start
-from graindamp.dem.gpu import device
+from graindamp.dem.gpu import batch, device
 from graindamp.dem.gpu.columns import STATUS, TARGET
 from graindamp.dem.gpu.device import Builder, Variant
 from graindamp.dem.gpu.kernels import advance, kernels_of
@@ -38,6 +38,12 @@ def quick_turns():
         yield
     finally:
         sys.setswitchinterval(before)
+
+
+def quick_worker():
+    """The same for the rest of a process, with one thread per block, which waits for nobody."""
+    sys.setswitchinterval(2e-5)
+    batch.SIMULATED_THREADS = 1
 
 
 class _Place(NamedTuple):
@@ -205,4 +211,4 @@ def bed_of(position, radius, velocity=0.0, spin=0.0):
     )
 
 
-__all__ = ["Team", "bed_of", "both", "damper_of", "packing_of", "quick_turns", "spec_of"]
+__all__ = ["Team", "bed_of", "both", "damper_of", "packing_of", "quick_turns", "quick_worker", "spec_of"]

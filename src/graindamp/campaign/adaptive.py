@@ -7,11 +7,12 @@ wanted, the last batch is awaited and the question asked again, with all results
 before its points are run; a campaign that goes on reads them from there.
 """
 
+import math
 import time
 from collections.abc import Sequence
 from typing import Protocol
 
-from graindamp.campaign.descriptions import StoredField, save_field
+from graindamp.campaign.descriptions import BATCH, StoredField, save_field
 from graindamp.campaign.point import PointResult, PointTask, task_of
 from graindamp.campaign.runner import Runner
 from graindamp.spec.container import RigidLid
@@ -79,10 +80,17 @@ def run_adaptive(field: StoredField, runner: Runner, source: AdaptiveSource | No
             runner.begin(tasks_at(field, new))
 
 
+def batch_for(spec: FieldSpec, n_worker: int) -> int:
+    """Points to choose at a time so that `n_worker` runs are under way: two batches are, with all their beds. At most a
+    quarter of the points that the plan allows, lest nothing be left to choose."""
+    assert isinstance(spec.plan, AdaptivePlan)
+    return max(BATCH, min(math.ceil(n_worker / (2 * spec.seeds)), spec.plan.max_points // 4))
+
+
 def tasks_at(field: StoredField, places: Sequence[Place]) -> list[PointTask]:
     """Tasks from rest of all beds at some points."""
     return [
-        task_of(field.spec, *place, seed=seed, folder=field.where)
+        task_of(field.spec, *place, seed=seed, folder=field.where, backend=field.backend)
         for place in places
         for seed in range(field.spec.seeds)
     ]

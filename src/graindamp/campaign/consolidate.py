@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from graindamp.campaign.backends import CPU, is_device, precision_of
 from graindamp.campaign.point import LOSSES, PHYSICS, PointResult
 from graindamp.errors import InputError
 from graindamp.field.schema import TABLE, make_field
@@ -35,12 +36,13 @@ class Answer(NamedTuple):
     """Cost of the runs from neighbours [-]."""
 
 
-def field_of(spec: FieldSpec, answers: Mapping[Place, Sequence[Answer]]) -> xr.Dataset:
+def field_of(spec: FieldSpec, answers: Mapping[Place, Sequence[Answer]], backend: str = CPU) -> xr.Dataset:
     """Effective field; it depends on the answers alone, to the last bit.
 
     Args:
         spec: the field.
         answers: of every bed, in the order of their numbers, at every operating point; on a grid points may be missing.
+        backend: what has computed them.
 
     Raises:
         InputError: no point has a usable value.
@@ -75,6 +77,8 @@ def field_of(spec: FieldSpec, answers: Mapping[Place, Sequence[Answer]]) -> xr.D
         "physics": PHYSICS,
         "seeds": spec.seeds,
         "softening": float(spec.damper.contact.softening),
+        "backend": "cuda" if is_device(backend) else "cpu",
+        "precision": precision_of(backend),
     }
     return field
 

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import NamedTuple
 
+from graindamp.campaign.backends import CPU, checked
 from graindamp.campaign.point_file import write_whole
 from graindamp.campaign.store import Store
 from graindamp.errors import InputError
@@ -32,6 +33,8 @@ class StoredField(NamedTuple):
     """Points of an adaptive plan that are chosen at a time [-]."""
     chosen: tuple[tuple[Place, ...], ...] = ()
     """Points of an adaptive plan that were chosen so far, by batch."""
+    backend: str = CPU
+    """What computes its points, one of :data:`graindamp.campaign.backends.BACKENDS`."""
 
     @property
     def where(self) -> Path | None:
@@ -80,7 +83,8 @@ def _load(path: Path) -> StoredField:
             raise InputError(f"{path}: of format {told['format']}, this version reads {FORMAT}")
         chosen = tuple(tuple((float(f), float(gamma)) for f, gamma in batch) for batch in told["chosen"])
         spec = parse_spec(told["spec"], FieldSpec, f"{path}: spec")
-        return StoredField(spec, told["name"], told["project"], told["folder"], int(told["batch"]), chosen)
+        backend = checked(told.get("backend", CPU))
+        return StoredField(spec, told["name"], told["project"], told["folder"], int(told["batch"]), chosen, backend)
     except (OSError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, InputError):
             raise
@@ -90,4 +94,5 @@ def _load(path: Path) -> StoredField:
 def _meaning(field: StoredField) -> str:
     """All of a description that changes results."""
     told = field.spec.model_dump(mode="json", exclude={"title": True, "damper": {"name"}, "softening_study": True})
-    return json.dumps([told, field.batch if field.spec.plan.kind == "adaptive" else 0], sort_keys=True)
+    batch = field.batch if field.spec.plan.kind == "adaptive" else 0
+    return json.dumps([told, batch, field.backend], sort_keys=True)

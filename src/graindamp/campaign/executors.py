@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from typing import Any, Protocol
@@ -110,6 +110,50 @@ class Processes:
         return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_process)
 
 
+class Threads:
+    """Threads of this process that share its GPU."""
+
+    name = "the GPU of this process"
+
+    def __init__(self, n_worker: int | None) -> None:
+        """Prepare.
+
+        Args:
+            n_worker: calls at a time; None: as many as keep the GPU busy. It is not touched before somebody asks.
+        """
+        self._n_worker = n_worker
+        self._pool: ThreadPoolExecutor | None = None
+
+    @property
+    def n_worker(self) -> int:
+        """Functions that can run at the same time [-]."""
+        if self._n_worker is None:
+            from graindamp.campaign.device import points_at_once
+
+            self._n_worker = points_at_once()
+        return self._n_worker
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> "Future[Any]":
+        """Begin a call in a thread."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.n_worker)
+        return self._pool.submit(function, *arguments)
+
+    def deaths(self, error: BaseException) -> int:
+        """Nobody dies without this process."""
+        return 0
+
+    def shutdown(self, *, now: bool = False) -> None:
+        """End the threads; `now`: what runs on the GPU is dropped after its launch."""
+        from graindamp.campaign.device import stop_devices
+
+        if now:
+            stop_devices()
+        if self._pool is not None:
+            self._pool.shutdown(wait=not now, cancel_futures=True)
+        stop_devices()
+
+
 def _begin_process() -> None:
     """Leave Ctrl-C to the campaign, and end with it even if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -179,7 +223,12 @@ class Dask:
 
 
 def executor_of(
-    kind: str, *, n_worker: int | None = None, address: str | None = None, options: dict[str, Any] | None = None
+    kind: str,
+    *,
+    n_worker: int | None = None,
+    address: str | None = None,
+    options: dict[str, Any] | None = None,
+    on_device: bool = False,
 ) -> Executor:
     """Executor by name.
 
@@ -189,10 +238,19 @@ def executor_of(
         n_worker: calls at a time; None: the cores of this machine, all of the cluster, or one SLURM job.
         address: of the scheduler, such as "tcp://host:8786".
         options: of the SLURM jobs, see :mod:`graindamp.campaign.slurm`.
+        on_device: for points of a GPU: "local" are then threads that share the GPU of this process, and the workers
+            of "dask" must have one each.
 
     Raises:
-        InputError: unknown, not installed, or nobody answers at the address.
+        InputError: unknown, not installed, nobody answers at the address, or not made for GPUs.
     """
+    if on_device and kind == "local":
+        return Threads(n_worker)
+    if on_device and kind in ("processes", "slurm"):
+        raise InputError(
+            f"the executor '{kind}' knows no GPUs; take 'local' for the one of this machine, or 'dask' with a worker "
+            "for each"
+        )
     if kind == "serial":
         return Serial()
     if kind == "processes" or (kind == "local" and not _has_dask()):
@@ -202,7 +260,7 @@ def executor_of(
     if kind == "dask":
         if address is None:
             raise InputError("the executor 'dask' needs the address of a scheduler, such as tcp://host:8786")
-        return _remote(address, n_worker)
+        return _remote(address, n_worker, on_device)
     if kind == "slurm":
         from graindamp.campaign.slurm import slurm
 
@@ -241,13 +299,15 @@ def _local(n_worker: int) -> Dask:
     return Dask(client, f"{n_worker} local workers", n_worker, cluster)
 
 
-def _remote(address: str, n_worker: int | None) -> Dask:
+def _remote(address: str, n_worker: int | None, on_device: bool) -> Dask:
     _need_dask()
     try:
         client = imported("distributed").Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {address}: nobody answers there ({error})") from None
     _check_workers(client, address)
+    if on_device:
+        _check_devices(client, address)
     return Dask(client, f"the scheduler at {address}", n_worker)
 
 
@@ -265,6 +325,17 @@ def _check_workers(client: Any, address: str) -> None:
                 f"{address}: the worker {worker} has graindamp {found[0]} with physics {found[1]}, here is {tool()[0]} "
                 f"with {tool()[1]}; install the same everywhere"
             )
+
+
+def _check_devices(client: Any, address: str) -> None:
+    """Refuse workers without a GPU."""
+    from graindamp.campaign.device import missing
+
+    lacking = {worker: reason for worker, reason in client.run(missing).items() if reason}
+    if lacking:
+        client.close()
+        worker, reason = next(iter(lacking.items()))
+        raise InputError(f"{address}: {len(lacking)} workers cannot compute on a GPU; {worker}: {reason}")
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from graindamp.campaign.backends import CPU
 from graindamp.campaign.point import PointResult, PointTask, task_of
 from graindamp.spec.field import FieldSpec, GridPlan
 
@@ -32,7 +33,11 @@ class Second(NamedTuple):
 
 
 def second_answers(
-    spec: FieldSpec, folder: Path | None, rest: Mapping[Cell, tuple[str, PointResult]], fetch: Fetch
+    spec: FieldSpec,
+    folder: Path | None,
+    rest: Mapping[Cell, tuple[str, PointResult]],
+    fetch: Fetch,
+    backend: str = CPU,
 ) -> dict[Cell, Second]:
     """Answers of the points when they start from their neighbours' ends.
 
@@ -45,6 +50,7 @@ def second_answers(
         folder: what files in the description are relative to.
         rest: key and result of the runs from rest; those that failed are left out.
         fetch: runs tasks, or looks their results up.
+        backend: what computes them.
     """
     found: dict[Cell, Second] = {}
     starts = {cell: key for cell, (key, _) in rest.items()}
@@ -56,7 +62,7 @@ def second_answers(
                 second = found.get(other)
                 if other not in rest or (second is not None and second.answer is not None):
                     continue
-                task = _task(spec, folder, other, start)
+                task = _task(spec, folder, other, start, backend)
                 goals[task.key] = other
                 tasks.append(task)
         results = fetch(tasks)
@@ -98,7 +104,7 @@ def _neighbours(spec: FieldSpec, cell: Cell) -> Iterator[Cell]:
             yield i + di, j + dj, seed
 
 
-def _task(spec: FieldSpec, folder: Path | None, cell: Cell, start: str) -> PointTask:
+def _task(spec: FieldSpec, folder: Path | None, cell: Cell, start: str, backend: str) -> PointTask:
     assert isinstance(spec.plan, GridPlan)
     i, j, seed = cell
-    return task_of(spec, spec.plan.frequencies[i], spec.plan.intensities[j], seed, start, folder)
+    return task_of(spec, spec.plan.frequencies[i], spec.plan.intensities[j], seed, start, folder, backend)

@@ -5,16 +5,22 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from graindamp.campaign.backends import CPU, checked
 from graindamp.spec.container import MeshContainer
 from graindamp.spec.field import FieldSpec, StopSpec
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.status import FATAL, Status
+
+if TYPE_CHECKING:
+    from graindamp.dem.notes import Cycles
+    from graindamp.dem.packing_store import Packing
+    from graindamp.dem.run import Run
 
 Real = NDArray[np.float64]
 
@@ -38,6 +44,13 @@ class PointTask(NamedTuple):
     """Key of the result whose end this point starts from; None: from rest."""
     folder: str | None = None
     """What files in the description are relative to; their content counts for the key, not their place."""
+    backend: str = CPU
+    """What computes it, one of :data:`graindamp.campaign.backends.BACKENDS`."""
+
+    @property
+    def where(self) -> Path | None:
+        """The folder as a path."""
+        return None if self.folder is None else Path(self.folder)
 
     @property
     def frequency(self) -> float:
@@ -58,19 +71,21 @@ class PointTask(NamedTuple):
         return self.simulation.damper.packing.seed
 
     def document(self) -> dict[str, Any]:
-        """All that determines the result, as plain tables; titles and names do not."""
+        """All that determines the result, as plain tables; titles and names do not. Of the processor's points the back
+        end is not told, so that they keep the keys that they had before there was another one."""
         told: dict[str, Any] = self.simulation.model_dump(mode="json", exclude={"title": True, "damper": {"name"}})
         container = self.simulation.damper.container
         if isinstance(container, MeshContainer):
-            path = Path(self.folder or ".") / container.file
+            path = (self.where or Path()) / container.file
             del told["damper"]["container"]["file"]
             told["mesh"] = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
-        return {
+        document = {
             "simulation": told,
             "stop": self.stop.model_dump(mode="json"),
             "start": self.start,
             "physics": PHYSICS,
         }
+        return document if self.backend == CPU else document | {"backend": self.backend}
 
     @property
     def key(self) -> str:
@@ -85,6 +100,7 @@ class PointTask(NamedTuple):
                 "stop": self.stop.model_dump(mode="json"),
                 "start": self.start,
                 "folder": self.folder,
+                "backend": self.backend,
             },
             sort_keys=True,
         )
@@ -102,6 +118,7 @@ class PointTask(NamedTuple):
             stop=parse_spec(told["stop"], StopSpec, "task: stop"),
             start=told["start"],
             folder=told["folder"],
+            backend=checked(told.get("backend", CPU)),
         )
 
 
@@ -112,6 +129,7 @@ def task_of(
     seed: int = 0,
     start: str | None = None,
     folder: Path | None = None,
+    backend: str = CPU,
 ) -> PointTask:
     """Task of one operating point of a field.
 
@@ -122,9 +140,10 @@ def task_of(
         seed: number of the bed, 0 to spec.seeds - 1.
         start: key of the result whose end it starts from; None: from rest.
         folder: what files in the description are relative to.
+        backend: what computes it.
     """
     where = None if folder is None else str(folder.resolve())
-    return PointTask(spec.at(frequency, intensity, seed), spec.stop, start, where)
+    return PointTask(spec.at(frequency, intensity, seed), spec.stop, start, where, backend)
 
 
 class PointResult(NamedTuple):
@@ -193,6 +212,35 @@ class PointResult(NamedTuple):
         return bool(self.status & int(FATAL))
 
 
+class PointRule:
+    """When the run of a task may end, asked after each of its cycles: the same rule for every back end."""
+
+    def __init__(self, task: PointTask, mass: float) -> None:
+        """A rule that has not looked yet, for a bed of the given mass [kg]."""
+        from graindamp.signals.stopping import Stopping
+
+        self._stopping = Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles)
+        self._omega, self._mass = 2.0 * math.pi * task.frequency, mass
+
+    @property
+    def next_look(self) -> int:
+        """Cycles before which it need not be asked [-]."""
+        return self._stopping.next_look
+
+    def __call__(self, cycles: "Cycles") -> bool:
+        """Whether the run may end, from all of its cycles."""
+        from graindamp.signals.simulated import ratios_of
+
+        ratios = ratios_of(cycles.force, cycles.velocity, self._omega, self._mass)
+        return self._stopping.enough(ratios.loss_factor, ratios.effective_mass_ratio)
+
+
+def bed_mass(task: PointTask, packing: "Packing") -> float:
+    """Mass of the particles of a bed [kg]."""
+    density = np.array([component.density for component in task.simulation.damper.particles])
+    return float(np.sum(density[packing.component] * 4.0 / 3.0 * np.pi * packing.radius**3))
+
+
 def measure(
     task: PointTask,
     start: PointResult | None = None,
@@ -200,7 +248,8 @@ def measure(
     cache: Path | None = None,
     progress: Callable[[str, float, float | None], None] | None = None,
 ) -> PointResult:
-    """Simulate one operating point until it is known as well as asked, or the limit of cycles is reached.
+    """Simulate one operating point on the processor until it is known as well as asked, or the limit of cycles is
+    reached.
 
     Ctrl-C is passed on: a partial point is no point.
 
@@ -217,60 +266,51 @@ def measure(
     from graindamp.dem.packing import pack
     from graindamp.dem.run import BedState
     from graindamp.dem.simulate import simulate
-    from graindamp.signals.motion_modes import classify
-    from graindamp.signals.simulated import ratios_of
-    from graindamp.signals.stopping import Stopping, estimate
 
-    folder = None if task.folder is None else Path(task.folder)
-    packing = pack(task.simulation.damper, folder=folder, cache=cache, progress=progress)
-    density = np.array([component.density for component in task.simulation.damper.particles])
-    mass = float(np.sum(density[packing.component] * 4.0 / 3.0 * np.pi * packing.radius**3))
-    rule = Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles)
-    omega = 2.0 * math.pi * task.frequency
-    bed = None if start is None else BedState(start.end_position, start.end_velocity, start.end_spin)
+    packing = pack(task.simulation.damper, folder=task.where, cache=cache, progress=progress)
     run = simulate(
         task.simulation,
-        folder=folder,
+        folder=task.where,
         cache=cache,
         packing=packing,
-        start=bed,
-        enough=lambda cycles: rule.enough(*ratios_of(cycles.force, cycles.velocity, omega, mass)),
+        start=None if start is None else BedState(start.end_position, start.end_velocity, start.end_spin),
+        enough=PointRule(task, bed_mass(task, packing)),
         progress=progress,
     )
     if run.status & int(Status.INTERRUPTED):
         raise KeyboardInterrupt
-    cycles = ratios_of(run.cycle_force, run.cycle_velocity, omega, mass)
-    status = run.status
-    nothing = np.empty((0, 3))
-    common: dict[str, Any] = {
-        "frequency": task.frequency,
-        "intensity": task.intensity,
-        "bed_mass": mass,
-        "n_particle": len(run.mass),
-        "n_step": run.n_step,
-        "time_step": run.time_step,
-        "seconds": run.seconds,
-        "solid_fraction": packing.solid_fraction,
-        "clearance": math.nan if packing.clearance is None else packing.clearance,
-        "largest_overlap": float(np.max(run.largest_overlap)),
-        "largest_speed": run.largest_speed,
+    return result_of(task, run, packing)
+
+
+def result_of(task: PointTask, run: "Run", packing: "Packing") -> PointResult:
+    """What is known of a task after its run, whatever has computed it.
+
+    Args:
+        task: what was simulated.
+        run: its run.
+        packing: its bed as packed.
+    """
+    from graindamp.signals.motion_modes import classify
+    from graindamp.signals.simulated import ratios_of
+    from graindamp.signals.stopping import Stopping, estimate
+
+    cycles = ratios_of(run.cycle_force, run.cycle_velocity, 2.0 * math.pi * task.frequency, bed_mass(task, packing))
+    facts = _facts(task, run, packing) | {
         "cycle_loss_factor": cycles.loss_factor,
         "cycle_mass_ratio": cycles.effective_mass_ratio,
-        "end_position": nothing if run.end is None else run.end.position,
-        "end_velocity": nothing if run.end is None else run.end.velocity,
-        "end_spin": nothing if run.end is None else run.end.spin,
     }
+    status = run.status
     if len(cycles.loss_factor) < 2 or status & int(FATAL):
         nan = math.nan
         status |= 0 if status & int(FATAL) else int(Status.TOO_SHORT)
         return PointResult(
             loss_factor=nan, loss_factor_se=nan, effective_mass_ratio=nan, effective_mass_ratio_se=nan,
-            n_cycles=0, n_skipped=0, status=status, losses=np.full(len(LOSSES), nan), **common,
+            n_cycles=0, n_skipped=0, status=status, losses=np.full(len(LOSSES), nan), **facts,
         )  # fmt: skip
     found = estimate(cycles.loss_factor, cycles.effective_mass_ratio, task.stop.floor)
     if not found.is_steady:
         status |= int(Status.NOT_STEADY)
-    if not rule.met(found):
+    if not Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles).met(found):
         status |= int(Status.NOT_CONVERGED)
     verdict = classify(run, found.n_skipped)
     return PointResult(
@@ -284,12 +324,34 @@ def measure(
         losses=_losses(run, found.n_skipped),
         motion_mode=int(verdict.mode),
         criteria=np.array(verdict.criteria),
-        **common,
+        **facts,
     )
 
 
-def _losses(run: Any, n_skipped: int) -> Real:
+def _facts(task: PointTask, run: "Run", packing: "Packing") -> dict[str, Any]:
+    """What a result holds whether or not the run gave a value."""
+    nothing = np.empty((0, 3))
+    return {
+        "frequency": task.frequency,
+        "intensity": task.intensity,
+        "bed_mass": bed_mass(task, packing),
+        "n_particle": len(run.mass),
+        "n_step": run.n_step,
+        "time_step": run.time_step,
+        "seconds": run.seconds,
+        "solid_fraction": packing.solid_fraction,
+        "clearance": math.nan if packing.clearance is None else packing.clearance,
+        "largest_overlap": float(np.max(run.largest_overlap)),
+        "largest_speed": run.largest_speed,
+        "end_position": nothing if run.end is None else run.end.position,
+        "end_velocity": nothing if run.end is None else run.end.velocity,
+        "end_spin": nothing if run.end is None else run.end.spin,
+    }
+
+
+def _losses(run: "Run", n_skipped: int) -> Real:
     """Mean power of each mechanism after the cycles dropped [W]."""
+    assert run.frequency is not None
     begin = n_skipped / run.frequency
     first = int(np.argmin(np.abs(run.energy_time - begin)))
     span = float(run.energy_time[-1] - run.energy_time[first])

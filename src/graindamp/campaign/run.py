@@ -9,6 +9,7 @@ import xarray as xr
 
 from graindamp.campaign import work
 from graindamp.campaign.adaptive import AdaptiveSource, run_adaptive, tasks_at
+from graindamp.campaign.backends import CPU
 from graindamp.campaign.consolidate import Answer, Place, field_of
 from graindamp.campaign.descriptions import BATCH, StoredField, known_field, save_field
 from graindamp.campaign.executors import Executor
@@ -57,6 +58,7 @@ def run_field(
     watch: Watch | None = None,
     how: Measure | None = None,
     batch: int = BATCH,
+    backend: str = CPU,
     source: AdaptiveSource | None = None,
 ) -> FieldRun:
     """Effective field of a damper, computed as far as the store does not hold it yet.
@@ -72,13 +74,14 @@ def run_field(
         watch: told how far it is.
         how: how a point is measured; None: simulated.
         batch: points of an adaptive plan chosen at a time; more keep more workers busy, fewer need fewer points.
+        backend: what computes the points, one of :data:`graindamp.campaign.backends.BACKENDS`.
         source: chooses the points of an adaptive plan; None: by a Gaussian process.
 
     Raises:
         InputError: every point failed, with the reasons; the store cannot be written, or the workers are gone.
         KeyboardInterrupt: Ctrl-C. The store is left as it is; the same call goes on from there.
     """
-    field = described(spec, project, batch)
+    field = described(spec, project, batch, backend)
     known = known_field(store, field)
     if known is not None and known.is_same(field):
         field = field._replace(chosen=known.chosen)
@@ -97,11 +100,11 @@ def run_field(
         raise
 
 
-def described(spec: FieldSpec, project: Path | None, batch: int = BATCH) -> StoredField:
+def described(spec: FieldSpec, project: Path | None, batch: int = BATCH, backend: str = CPU) -> StoredField:
     """A field to be run, as the store keeps it."""
     place = "field.toml" if project is None else str(project.resolve())
     folder = None if project is None else str(project.resolve().parent)
-    return StoredField(spec, Path(place).stem, place, folder, batch)
+    return StoredField(spec, Path(place).stem, place, folder, batch, backend=backend)
 
 
 def field_in_store(field: StoredField, store: Store) -> FieldRun:
@@ -130,7 +133,7 @@ def field_in_store(field: StoredField, store: Store) -> FieldRun:
         for key, task in tasks.items()
         if key in entries and entries[key].state == "failed"
     ]
-    points = field_of(field.spec, answers)
+    points = field_of(field.spec, answers, field.backend)
     run = FieldRun(_predicted(field.spec, points), points, len(tasks), 0, tuple(failures), tuple(store.warnings))
     return run if field.spec.softening_study is None else _with_study(run, field, fetch)
 
@@ -146,7 +149,7 @@ def _outcome(field: StoredField, runner: Runner) -> FieldRun:
     if not any(answer.rest is not None and not answer.rest.failed for row in answers.values() for answer in row):
         why = "\n".join(failures[:10])
         raise InputError(f"{field.spec.title}: not one point has a usable value\n{why}")
-    points = field_of(field.spec, answers)
+    points = field_of(field.spec, answers, field.backend)
     warnings = tuple(runner.store.warnings)
     return FieldRun(
         _predicted(field.spec, points), points, runner.n_point, runner.n_computed, tuple(failures), warnings
@@ -173,7 +176,7 @@ def _predicted(spec: FieldSpec, points: xr.Dataset) -> xr.Dataset:
     for name in ("motion_mode", "solid_fraction"):
         if name in points:
             predicted[name] = (GRID_DIMENSIONS, points[name].to_numpy()[nearest], points[name].attrs)
-    kept = ("damper", "spec", "graindamp_version", "physics", "seeds", "softening")
+    kept = ("damper", "spec", "graindamp_version", "physics", "seeds", "softening", "backend", "precision")
     predicted.attrs |= {name: points.attrs[name] for name in kept}
     predicted.attrs["particle_steps"] = float(points["particle_steps"].sum())
     return predicted
@@ -197,13 +200,13 @@ def _studied(run: FieldRun, field: StoredField, runner: Runner, watch: Watch | N
 
 def _with_study(run: FieldRun, field: StoredField, fetch: Fetch) -> FieldRun:
     """The same with the study among the attributes of the field, or a warning where results are missing."""
-    tasks = [task for row in study_tasks(field.spec, field.where) for task in row]
+    tasks = [task for row in study_tasks(field.spec, field.where, field.backend) for task in row]
     results = fetch(tasks)
     missing = sum(task.key not in results for task in tasks)
     if missing:
         text = f"softening study: {missing} of {len(tasks)} runs are missing; it is left out of the field"
         return run._replace(warnings=(*run.warnings, text))
-    study = evaluate(field.spec, lambda task: results[task.key], field.where).dump()
+    study = evaluate(field.spec, lambda task: results[task.key], field.where, field.backend).dump()
     for dataset in (run.field, run.points):
         dataset.attrs["softening_study"] = study
     return run
@@ -228,7 +231,7 @@ def _answers(field: StoredField, fetch: Fetch, runner: Runner | None = None) -> 
     usable = {
         cells[at]: (tasks[at].key, result) for at, result in rest.items() if result is not None and not result.failed
     }
-    second = second_answers(spec, field.where, usable, fetch)
+    second = second_answers(spec, field.where, usable, fetch, field.backend)
     answers: dict[Place, list[Answer]] = {place: [] for place in places}
     for (place, seed), cell in cells.items():
         found = second.get(cell)

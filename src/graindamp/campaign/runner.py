@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from graindamp.campaign.backends import DeviceLost
 from graindamp.campaign.executors import Executor
 from graindamp.campaign.outlook import Outlook, State, outlook_of
 from graindamp.campaign.point import PointResult, PointTask
@@ -178,6 +179,8 @@ class Runner:
             return
         if isinstance(error, ImportError):  # no fault of the point: every other one would fail with it
             raise InputError(f"{self.executor.name}: graindamp cannot be loaded there ({error}); mend that and go on")
+        if isinstance(error, DeviceLost):
+            raise InputError(f"{self.executor.name}: {error}; what was done is kept, mend that and go on")
         deaths = 1 if isinstance(error, KeyboardInterrupt) else self.executor.deaths(error)
         if not deaths:
             reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from graindamp.campaign.backends import CPU
 from graindamp.campaign.point import PointResult, PointTask, task_of
 from graindamp.spec.field import FieldSpec
 
@@ -121,17 +122,18 @@ def softened(spec: FieldSpec, factor: float) -> FieldSpec:
     return spec.model_copy(update={"damper": spec.damper.model_copy(update={"contact": contact})})
 
 
-def study_tasks(spec: FieldSpec, folder: Path | None = None) -> list[list[PointTask]]:
+def study_tasks(spec: FieldSpec, folder: Path | None = None, backend: str = CPU) -> list[list[PointTask]]:
     """Tasks of a study: a list for each point, with a task for each softening and seed, seeds running fastest.
 
     Args:
         spec: a field with a softening_study.
         folder: what files in the description are relative to.
+        backend: what computes them.
     """
     assert spec.softening_study is not None
     return [
         [
-            task_of(softened(spec, factor), f, gamma, seed, folder=folder)
+            task_of(softened(spec, factor), f, gamma, seed, folder=folder, backend=backend)
             for factor in spec.softening_study.factors
             for seed in range(spec.seeds)
         ]
@@ -140,7 +142,7 @@ def study_tasks(spec: FieldSpec, folder: Path | None = None) -> list[list[PointT
 
 
 def evaluate(
-    spec: FieldSpec, result_of: Callable[[PointTask], PointResult], folder: Path | None = None
+    spec: FieldSpec, result_of: Callable[[PointTask], PointResult], folder: Path | None = None, backend: str = CPU
 ) -> SofteningStudy:
     """The study, from the results of its tasks.
 
@@ -148,6 +150,7 @@ def evaluate(
         spec: as :func:`study_tasks` got it.
         result_of: gives the result of a task.
         folder: likewise.
+        backend: likewise.
 
     Raises:
         ValueError: fewer than two softenings of a point gave a value.
@@ -156,7 +159,7 @@ def evaluate(
     factors = np.array(spec.softening_study.factors)
     chosen, power = spec.damper.contact.softening, POWER[spec.damper.contact.law]
     points = []
-    for (f, gamma), tasks in zip(spec.softening_study.points, study_tasks(spec, folder), strict=True):
+    for (f, gamma), tasks in zip(spec.softening_study.points, study_tasks(spec, folder, backend), strict=True):
         results = [result_of(task) for task in tasks]
         groups = [results[k : k + spec.seeds] for k in range(0, len(results), spec.seeds)]
         columns = [_mean_of_seeds(groups, name) for name in ("loss_factor", "effective_mass_ratio")]

@@ -6,6 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
+from graindamp.campaign.backends import is_device
 from graindamp.campaign.locks import lock
 from graindamp.campaign.point import PHYSICS, PointResult, PointTask, measure
 
@@ -32,23 +33,29 @@ def work(task: str, start: PointResult | None, how: Measure) -> PointResult:
 
 
 def measure_packed(task: PointTask, start: PointResult | None) -> PointResult:
-    """Simulate a point; of the workers on a machine that need the same bed, one packs and the others wait for it.
+    """Simulate a point by its back end; of the workers on a machine that need the same bed, one packs and the others
+    wait for it.
 
     Raises:
         InputError: as :func:`graindamp.campaign.point.measure`.
+        DeviceLost: as :func:`graindamp.campaign.device.measure_on_device`.
     """
     from graindamp.dem.packing import PHYSICS as PACKING
     from graindamp.dem.packing import pack
     from graindamp.dem.packing_store import default_folder, packing_key
     from graindamp.dem.turned import turned
 
-    folder = None if task.folder is None else Path(task.folder)
+    folder = task.where
     key = packing_key(task.simulation.damper, PACKING, folder)[:32]
     with _alone(default_folder() / f"{key}.lock"):
         packing = pack(task.simulation.damper, folder=folder)
         if task.start is None:
             turned(task.simulation.damper, packing, physics=PACKING, folder=folder)
-    return measure(task, start)
+    if not is_device(task.backend):
+        return measure(task, start)
+    from graindamp.campaign.device import measure_on_device
+
+    return measure_on_device(task, start)
 
 
 def tool() -> Tool:

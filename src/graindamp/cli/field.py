@@ -4,7 +4,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -47,9 +47,17 @@ def field(
         str | None, typer.Option(help="Who computes: local (default), processes, serial, dask, slurm.")
     ] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://host:8786.")] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Points at a time; default: the cores.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Points at a time; default: the cores, or what fills the GPU.")
+    ] = None,
     slurm: Annotated[list[str] | None, typer.Option(help="Option of SLURM jobs, as queue=short; repeatable.")] = None,
     batch: Annotated[int | None, typer.Option(min=1, help="Points that an adaptive plan chooses at a time.")] = None,
+    backend: Annotated[
+        str, typer.Option(help="What computes: auto (the GPU of this machine if there is one), cpu, cuda.")
+    ] = "auto",
+    precision: Annotated[
+        str | None, typer.Option(help="Of the forces on a GPU: mixed (default) or double; the CPU has double.")
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a campaign; refuse if there is none or the file has changed.")
     ] = False,
@@ -59,8 +67,7 @@ def field(
 
     Points that the store holds are never computed again: after a stop or crash give the same command.
     """
-    from graindamp.campaign.descriptions import BATCH
-    from graindamp.campaign.executors import executor_of
+    from graindamp.campaign.backends import is_device
     from graindamp.campaign.slurm import read_options
     from graindamp.campaign.store import Store
     from graindamp.spec.field import FieldSpec
@@ -73,35 +80,62 @@ def field(
         raise InputError(f"--scheduler goes with --executor dask, not {kind}")
     options = read_options(slurm or [])
     with Store(_store_place(projects, output, store)) as opened:
+        fields = [
+            _asked_for(opened, project, spec, batch, (backend, precision), kind)
+            for project, spec in zip(projects, specs, strict=True)
+        ]
         if resume:
-            for project, spec in zip(projects, specs, strict=True):
-                _check_resumable(opened, project, spec, batch or BATCH)
-        with (
-            _stoppable(opened),
-            _closing(executor_of(kind, n_worker=workers, address=scheduler, options=options)) as crew,
-        ):
+            for one in fields:
+                _check_resumable(opened, one)
+        with _stoppable(opened), _crews(fields, kind, workers, scheduler, options) as crews:
             documents = [
-                _run_one(opened, crew, project, spec, target, batch or BATCH, as_json)
-                for project, spec, target in zip(projects, specs, outputs, strict=True)
+                _run_one(opened, crews[is_device(one.backend)], one, target, as_json)
+                for one, target in zip(fields, outputs, strict=True)
             ]
     if as_json:
         print_json(documents[0] if len(documents) == 1 else {"fields": documents})
 
 
-def _run_one(
-    store: "Store", crew: "Executor", project: Path, spec: "FieldSpec", target: Path, batch: int, as_json: bool
-) -> dict[str, Any]:
+def _asked_for(
+    store: "Store", project: Path, spec: "FieldSpec", batch: int | None, backend: tuple[str, str | None], kind: str
+) -> "StoredField":
+    """The field with its back end, and with its batch, 0 where that depends on the executor. Of a campaign that was
+    begun they are those that it was begun with, where nothing else is said."""
+    from graindamp.campaign.backends import chosen, is_device
+    from graindamp.campaign.descriptions import BATCH, known_field
+    from graindamp.campaign.run import described
+
+    field = described(spec, project)
+    known = known_field(store, field)
+    name = chosen(*backend, None if known is None else known.backend, alone=kind in ("local", "serial"))
+    usual = BATCH
+    if is_device(name) and spec.plan.kind == "adaptive":
+        begun = known is not None and known.backend == name and known.spec.plan.kind == "adaptive"
+        usual = known.batch if known is not None and begun else 0
+    return field._replace(backend=name, batch=batch or usual)
+
+
+def _run_one(store: "Store", crew: "Executor", field: "StoredField", target: Path, as_json: bool) -> dict[str, Any]:
     """Run one field, write it, and say so."""
+    from graindamp.campaign.adaptive import batch_for
     from graindamp.campaign.run import run_field
     from graindamp.report.field_progress import FieldProgress
 
-    with FieldProgress(target, spec.title, quiet=as_json) as progress:
-        run = run_field(spec, store, crew, project=project, watch=progress, batch=batch)
+    with FieldProgress(target, field.spec.title, quiet=as_json) as progress:
+        run = run_field(
+            field.spec,
+            store,
+            crew,
+            project=Path(field.project),
+            watch=progress,
+            batch=field.batch or batch_for(field.spec, crew.n_worker),
+            backend=field.backend,
+        )
     points = _write_run(run, target)
     warn(run.warnings)
     warn(_failures(run.failures, store.folder))
     if not as_json:
-        print(f"field    {target} ({run.n_point} runs, {run.n_computed} of them computed now)")
+        print(f"field    {target} ({run.n_point} runs, {run.n_computed} of them computed now, {_computed_by(run)})")
         if points is not None:
             print(f"points   {points}")
         print(f"map      {progress.picture}\npage     {progress.page}\nstore    {store.folder}")
@@ -243,19 +277,25 @@ def _store_place(projects: list[Path], output: Path | None, store: Path | None) 
     return (output if output is not None else Path("fields")) / "store"
 
 
-def _check_resumable(store: "Store", project: Path, spec: "FieldSpec", batch: int) -> None:
+def _check_resumable(store: "Store", field: "StoredField") -> None:
     from graindamp.campaign.descriptions import known_field
-    from graindamp.campaign.run import described
 
-    field = described(spec, project, batch)
     known = known_field(store, field)
     if known is None:
-        raise InputError(f"--resume: {store.folder} holds no campaign of {project}; leave --resume out to begin one")
+        raise InputError(
+            f"--resume: {store.folder} holds no campaign of {field.project}; leave --resume out to begin one"
+        )
     if not known.is_same(field):
         raise InputError(
-            f"--resume: {project} is not what the campaign in {store.folder} was begun with; undo the changes, or "
-            "leave --resume out: points that are the same are used again"
+            f"--resume: {field.project} or the back end is not what the campaign in {store.folder} was begun with; "
+            "undo the changes, or leave --resume out: points that are the same are used again"
         )
+
+
+def _computed_by(run: "FieldRun") -> str:
+    """The back end of a field's points in words."""
+    attrs = run.points.attrs
+    return f"on the GPU in {attrs['precision']} precision" if attrs["backend"] == "cuda" else "on the CPU"
 
 
 def _field_row(field: "StoredField", entries: dict[str, Any]) -> dict[str, Any]:
@@ -264,7 +304,14 @@ def _field_row(field: "StoredField", entries: dict[str, Any]) -> dict[str, Any]:
     keys = [task.key for task in rest_tasks(field)]
     states = [entries[key].state if key in entries else "queued" for key in keys]
     told = {state: states.count(state) for state in ("queued", "running", "done", "failed")}
-    return {"name": field.name, "project": field.project, "title": field.spec.title, "points": len(keys), **told}
+    return {
+        "name": field.name,
+        "project": field.project,
+        "title": field.spec.title,
+        "backend": field.backend,
+        "points": len(keys),
+        **told,
+    }
 
 
 def _choose(fields: list["StoredField"], name: str | None, store: Path) -> "StoredField":
@@ -289,6 +336,8 @@ def _document(run: "FieldRun", target: Path, store: "Store") -> dict[str, Any]:
         "usable": int(usable.sum()),
         "runs": run.n_point,
         "computed": run.n_computed,
+        "backend": run.points.attrs["backend"],
+        "precision": run.points.attrs["precision"],
         "particle_steps": float(run.points["particle_steps"].sum()),
         "failed": list(run.failures),
         "warnings": list(run.warnings),
@@ -316,6 +365,22 @@ def _stoppable(store: "Store") -> Iterator[None]:
     finally:
         if is_main:
             signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _crews(
+    fields: list["StoredField"], kind: str, workers: int | None, scheduler: str | None, options: dict[str, Any]
+) -> Iterator[dict[bool, "Executor"]]:
+    """An executor for the fields of processors, one for those of GPUs, as far as there are such fields."""
+    from graindamp.campaign.backends import is_device
+    from graindamp.campaign.executors import executor_of
+
+    with ExitStack() as stack:
+        crews: dict[bool, Executor] = {}
+        for on_device in sorted({is_device(one.backend) for one in fields}):
+            crew = executor_of(kind, n_worker=workers, address=scheduler, options=options, on_device=on_device)
+            crews[on_device] = stack.enter_context(_closing(crew))
+        yield crews
 
 
 @contextmanager
