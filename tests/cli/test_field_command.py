@@ -207,3 +207,20 @@ def test_the_page_loads_itself_again_while_the_campaign_runs(tmp_path, capsys):
         progress(outlook(["done", "done"]))
     assert 'http-equiv="refresh"' not in progress.page.read_text()
     assert capsys.readouterr().err.splitlines() == [line_of(outlook(["done"])), line_of(outlook(["done", "done"]))]
+
+
+def test_a_campaign_stays_with_its_back_end(undrawn, tmp_path, monkeypatch):
+    """`auto` goes on with what a campaign was begun with; another one computes points of its own and says so."""
+    pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")
+    path = project(tmp_path)
+    assert "12 of them computed now, on the CPU)" in done("field", path, "--executor", "serial")
+    out = done("field", path, "--executor", "serial", "--backend", "cuda")
+    assert "12 of them computed now, on the GPU in mixed precision)" in out
+    told = json.loads(done("field", path, "--executor", "serial", "--json"))
+    assert (told["computed"], told["backend"], told["precision"]) == (0, "cuda", "mixed")
+    assert "or the back end is not what" in error("field", path, "--executor", "serial", "--resume", "--backend", "cpu")
+    told = json.loads(done("campaign", "status", tmp_path / "made-store", "--json"))
+    assert told["points"]["done"] == 24
+    assert (told["fields"][0]["backend"], told["fields"][0]["done"]) == ("cuda-mixed", 12)
+    assert "knows no GPUs" in error("field", path, "--executor", "processes")
+    assert "given 'gpu'" in error("field", path, "--backend", "gpu")

@@ -280,3 +280,44 @@ def test_what_the_batch_does_not_do():
         run_all([Task(wanted, packing_of(6))])
     with pytest.raises(InputError, match="mixed"):
         run_all([], precision="half")
+
+
+def hesitant(given):
+    """The tasks one by one, with a moment between them in which there is none."""
+    for task in given:
+        yield task
+        yield None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [2, 1])
+def test_tasks_that_come_later_get_slots_of_their_own(most, monkeypatch):
+    """The second world comes after the first launch; where memory for two is refused it takes the place of the first.
+    Bit for bit what one batch gives."""
+    given = [Task(spec_of(count, cycles=1), packing_of(count)) for count in (3, 2)]
+    together = run_all(given, slots=2)
+    empty, slots = memory._empty, []
+
+    def little(shape, kind):
+        slots.append(shape[0])
+        if shape[0] > most:
+            raise MemoryError
+        return empty(shape, kind)
+
+    monkeypatch.setattr(memory, "_empty", little)
+    one_by_one = run_all(hesitant(given), slots=2, chunk=70)
+    assert max(slots) == 2
+    assert sorted(one_by_one) == [0, 1]
+    for number, run in one_by_one.items():
+        for a, b in zip(facts(run), facts(together[number]), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_refused_task_is_told_and_numbers_stay():
+    wanted = spec_of(2, cycles=1)
+    wrong = wanted.model_copy(update={"run": wanted.run.model_copy(update={"snapshots_per_cycle": 2})})
+    told = {}
+    tasks = [Task(wrong, packing_of(2)), None, Task(wrong, packing_of(2))]
+    assert run_all(tasks, refused=told.__setitem__) == {}
+    assert list(told) == [0]  # nothing was under way: the batch has ended
+    assert "snapshots_per_cycle" in str(told[0])
