@@ -69,5 +69,5 @@ def chosen(asked: str, precision: str | None, known: str | None, *, alone: bool)
         try:
             require()
         except InputError as error:
-            raise InputError(f"--backend {asked}: {error}; --backend cpu computes on the processor") from None
+            raise InputError(f"--backend {asked}: {error} with --backend cpu") from None
     return wanted

@@ -130,7 +130,12 @@ class Threads:
         if self._n_worker is None:
             from graindamp.campaign.device import points_at_once
 
-            self._n_worker = points_at_once()
+            try:
+                self._n_worker = points_at_once()
+            except InputError as error:
+                raise InputError(
+                    f"points of a GPU are left: {error} with --backend cpu, which computes all points anew"
+                ) from None
         return self._n_worker
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any) -> "Future[Any]":

@@ -36,7 +36,7 @@ take few arguments."""
 SMALLEST_SINGLE = 1e-30
 """What stands in single precision for guards such as 1e-300."""
 
-MISSING = 'the GPU back end needs numba-cuda; install it with: pip install "graindamp[gpu]"'
+MISSING = 'the GPU back end needs numba-cuda; install it with: pip install "graindamp[gpu]", or use the CPU back end'
 
 
 REAL = np.float64
