@@ -46,6 +46,7 @@ def quick():
     """One simulated thread per block, which waits for nobody."""
     with pytest.MonkeyPatch.context() as patch, quick_turns():
         patch.setattr(batch, "SIMULATED_THREADS", 1)
+        patch.setattr(batch, "FIRST_CHUNK", 80)  # so that a launch ends soon after Ctrl-C
         yield
 
 
@@ -179,7 +180,7 @@ def test_a_world_that_does_not_fit_alone_fails_alone(tmp_path, monkeypatch):
 def test_each_worker_of_a_cluster_has_its_gpu(tmp_path, whole):
     """Two workers in place of two GPUs; each makes a batch of what its threads hold."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, dashboard_address=":0") as cluster:
         with distributed.Client(cluster) as client:
             client.run(quick_worker)
         crew = executor_of("dask", address=cluster.scheduler_address, on_device=True)
@@ -193,7 +194,7 @@ def test_workers_without_a_gpu_are_refused(monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(device, "missing", lambda: "no GPU")
     with (
-        distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as cluster,
         pytest.raises(InputError, match=r"1 workers cannot compute on a GPU.*no GPU"),
     ):
         executor_of("dask", address=cluster.scheduler_address, on_device=True)
