@@ -17,7 +17,6 @@ surfaces: Herlands et al. (2016), AISTATS, PMLR 51, 1013-1021; mixtures over par
 103, 1119-1130.
 """
 
-import copy
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.util import find_spec
@@ -42,6 +41,8 @@ CLEARANCE_FACTORS = (0.7, 1.0, 1.4, 2.0, 2.8)
 DEFAULT_ERROR = 0.02
 """Standard error assumed where it is unknown, over max(eta, 0.05)."""
 SMALLEST_ETA = 0.05
+FADE = 3.0
+"""Gamma at which the presumed size of m' below the edge has fallen to half [-]."""
 
 _EDGE_SPREAD, _EDGE_LIMIT, _EDGE_STEP = 0.7, 1.6, 0.1
 _SLOPES, _SLOPE_SPREAD = (-0.3, -0.15, 0.0, 0.15, 0.3), 0.15
@@ -68,6 +69,8 @@ class Form(NamedTuple):
     has_stretch: bool = True
     """Let the marginal likelihood choose whether the axis ln Gamma is stretched threefold around Gamma = 1.1, where a
     bed held by gravity comes loose."""
+    has_fade: bool = True
+    """Below the edge m' is presumed to become small with growing Gamma, its scatter with it."""
 
 
 class SurrogateValues(NamedTuple):
@@ -105,6 +108,16 @@ class Edge(NamedTuple):
     """Standard deviation of ln Gamma at the edge [-]."""
     probability: float
     """Probability that the points have an edge at all [-]."""
+
+
+class Joint(NamedTuple):
+    """Predicted covariances between places, and the variance of a run at each, both of eta as the process describes it
+    and of m'."""
+
+    covariance: tuple[Real, Real]
+    """Of the field itself; (place, place)."""
+    noise: tuple[Real, Real]
+    """Of a run about the field; (place,)."""
 
 
 class _Places(NamedTuple):
@@ -346,29 +359,40 @@ class Surrogate:
         density = np.log((weight * np.exp(log_density)).sum(axis=0)) - self._log_derivative()
         return LeaveOneOut(self.values[0] - eta, self.values[1] - mass, eta_sd, mass_sd, density)
 
-    def believing(self, frequency: ArrayLike, intensity: ArrayLike) -> "Surrogate":
-        """The surrogate as if points (f [Hz], Gamma, shape (point,)) had been computed and found what it expects.
+    def joint(self, frequency: ArrayLike, intensity: ArrayLike, error: float = DEFAULT_ERROR) -> Joint:
+        """What the values at some places say about each other: frequencies [Hz] and intensities [-] of shape (place,).
 
-        Expected is the value given the most probable edge: the mean of two regimes is the value of neither. The
-        standard error is 2 % of max(eta, 0.05); hyperparameters, probable edges and inflation are kept.
+        Covariances are those of the mixture: the mean over the edges of what each predicts, plus that of their means,
+        so that two places between which an edge may lie vary together. Inflation is not in it.
 
-        Source: kriging believer, Ginsbourger, Le Riche & Carraro (2010), Adaptation, Learning and Optimization 2.
+        Args:
+            frequency: [Hz].
+            intensity: Gamma [-].
+            error: standard error of a run over max(eta, 0.05) [-].
         """
-        f, gamma = np.atleast_1d(np.asarray(frequency, float)), np.atleast_1d(np.asarray(intensity, float))
-        if f.size == 0:
-            return self
-        mean, _ = self._given_edges(self._places(f, gamma))
-        best = int(np.argmax(self._posterior.weight))
-        eta, mass = mean[0][best], mean[1][best]
+        places = self._places(np.asarray(frequency, float), np.asarray(intensity, float))
+        points = self._places(self.frequency, self.intensity)
+        posterior = self._posterior
+        gate_points, gate = _gate(posterior.edges, points), _gate(posterior.edges, places)
+        mean, _ = self._given_edges(places)
+        middle = [posterior.weight @ mean[k] for k in (0, 1)]
         offset = self._offset(0)
-        eta = eta if offset is None else np.exp(eta) - offset
-        error = DEFAULT_ERROR * np.maximum(eta, SMALLEST_ETA)
-        other = copy.copy(self)
-        other.frequency, other.intensity = np.append(self.frequency, f), np.append(self.intensity, gamma)
-        other.values = np.column_stack([self.values, [eta, mass]])
-        other.errors = np.column_stack([self.errors, [error, error]])
-        other._posterior = other._conditioned(self._posterior.edges)
-        return other
+        eta = middle[0] if offset is None else np.exp(middle[0]) - offset
+        run = error * np.maximum(eta, SMALLEST_ETA)
+        covariances, noises = [], []
+        for k in (0, 1):
+            prior, cross = self._regime_covariances(k, places, places), self._regime_covariances(k, places, points)
+            total = np.zeros((len(eta), len(eta)))
+            for e, weight in enumerate(posterior.weight):
+                here, there = gate[e : e + 1], gate_points[e : e + 1]
+                known = _gated(here, there, *cross)[0]
+                away = mean[k][e] - middle[k]
+                part = _gated(here, here, *prior)[0] - known @ posterior.inverse[k][e] @ known.T
+                total += weight * (part + np.outer(away, away))
+            covariances.append(total)
+            noise = (run / np.exp(middle[0])) ** 2 if k == 0 and offset is not None else run**2
+            noises.append(noise + posterior.weight @ self._nugget(k, self._theta[k], places, gate))
+        return Joint((covariances[0], covariances[1]), (noises[0], noises[1]))
 
     def _offset(self, k: int) -> float | None:
         return self.form.offset if k == 0 and np.isfinite(self.form.offset) else None
@@ -401,7 +425,13 @@ class Surrogate:
             theory = np.interp(places.stroke - np.log(self.clearance_factor), self._table[0], self._table[quantity.row])
             offset = self._offset(k)
             above = theory if offset is None else np.log(theory + offset)
-        return (1.0 - gate) * quantity.level_below + gate * above
+        return (1.0 - gate) * quantity.level_below * self._fade(k, places) + gate * above
+
+    def _fade(self, k: int, places: _Places) -> Real:
+        """Size of the process below the edge, and of its nugget, at each place [-]; (point,)."""
+        if k == 0 or not self.form.has_fade:
+            return np.ones_like(places.intensity)
+        return np.asarray(1.0 / (1.0 + np.exp(places.intensity) / FADE))
 
     def _processes(self, k: int) -> tuple[Any, Any]:
         return _kernels(self._theta[k], self.form.smoothness)
@@ -409,28 +439,35 @@ class Surrogate:
     def _trends(self, k: int, places: _Places) -> tuple[Real, Real]:
         """Functions with coefficients of unit variance: level and slope below the edge, level above; (trend, point)."""
         sd = self._quantities[k].level_sd
-        one = np.ones_like(places.intensity)
+        one, fade = np.ones_like(places.intensity), self._fade(k, places)
         level_above = sd if self.clearance_factor is None else 0.3
-        return sd * np.stack([one, 0.5 * places.intensity]), level_above * one[None]
+        return sd * fade * np.stack([one, 0.5 * places.intensity]), level_above * one[None]
 
     def _regime_covariances(self, k: int, first: _Places, second: _Places) -> tuple[Real, Real]:
         below, above = self._processes(k)
         trends = zip(self._trends(k, first), self._trends(k, second), strict=True)
         linear_below, linear_above = (a.T @ b for a, b in trends)
-        return below(first.below, second.below) + linear_below, above(first.above, second.above) + linear_above
+        faded = np.outer(self._fade(k, first), self._fade(k, second))
+        return faded * below(first.below, second.below) + linear_below, above(first.above, second.above) + linear_above
+
+    def _nugget(self, k: int, theta: Real, places: _Places, gate: Real) -> Real:
+        """Variance that the standard errors miss at each point; (edge, point)."""
+        return np.asarray(np.exp(2.0 * theta[6]) * (((1.0 - gate) * self._fade(k, places)) ** 2 + gate**2))
 
     def _systems(self, edges: Real) -> Iterator[tuple[Real, list[tuple[Real, Real]]]]:
         """For some edges at a time: log priors, and for eta and m' the points' covariances and values less mean."""
         places = self._places(self.frequency, self.intensity)
         values, errors = self._transformed()
         regimes = [self._regime_covariances(k, places, places) for k in (0, 1)]
-        noise = [np.diag(errors[k] ** 2 + np.exp(2.0 * self._theta[k][6])) for k in (0, 1)]
         for start in range(0, len(edges), _CHUNK):
             part = edges[start : start + _CHUNK]
             gate = _gate(part, places)
-            systems = [
-                (_gated(gate, gate, *regimes[k]) + noise[k], values[k] - self._mean(k, places, gate)) for k in (0, 1)
-            ]
+            systems = []
+            for k in (0, 1):
+                covariance = _gated(gate, gate, *regimes[k])
+                noise = errors[k] ** 2 + self._nugget(k, self._theta[k], places, gate)
+                covariance[:, range(len(noise[0])), range(len(noise[0]))] += noise
+                systems.append((covariance, values[k] - self._mean(k, places, gate)))
             yield part[:, 4], systems
 
     def _log_weights(self, edges: Real) -> Real:
@@ -528,15 +565,17 @@ class Surrogate:
         gate = _gate(edge[None], places)
         values, errors = self._transformed()
         residual = (values[k] - self._mean(k, places, gate))[0]
-        shares = np.outer(1.0 - gate[0], 1.0 - gate[0]), np.outer(gate[0], gate[0])
+        shares = [np.outer(1.0 - gate[0], 1.0 - gate[0]), np.outer(gate[0], gate[0])]
         trends = self._trends(k, places)
         fixed = sum(share * (trend.T @ trend) for share, trend in zip(shares, trends, strict=True))
+        fade = self._fade(k, places)
+        shares[0] = shares[0] * np.outer(fade, fade)
         fixed = fixed + np.diag(errors[k] ** 2)
         centre, spread = _prior(self._quantities[k])
 
         def cost(theta: Real) -> tuple[float, Real]:
-            nugget = np.exp(2.0 * theta[6])
-            covariance = fixed + nugget * np.eye(len(residual))
+            nugget = self._nugget(k, theta, places, gate)[0]
+            covariance = fixed + np.diag(nugget)
             slopes = []
             coordinates = places.below, places.above
             for process, place, share in zip(_kernels(theta, self.form.smoothness), coordinates, shares, strict=True):
@@ -549,7 +588,7 @@ class Surrogate:
             value = 0.5 * (residual @ coefficient + np.linalg.slogdet(covariance)[1] + away @ away)
             sensitivity = 0.5 * (inverse - np.outer(coefficient, coefficient))
             gradient = [np.tensordot(sensitivity * share, slope, axes=2) for share, slope in slopes]
-            return float(value), np.concatenate([*gradient, [2.0 * nugget * np.trace(sensitivity)]]) + away / spread
+            return float(value), np.concatenate([*gradient, [2.0 * nugget @ np.diagonal(sensitivity)]]) + away / spread
 
         bounds = np.column_stack([centre - 4.0 * spread, centre + 4.0 * spread])
         found = minimize(cost, self._theta[k], jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
@@ -565,7 +604,8 @@ class Surrogate:
             cross = _gated(gate, gate_points, *self._regime_covariances(k, places, points))
             below, above = self._processes(k)
             trend_below, trend_above = self._trends(k, places)
-            prior = (1.0 - gate) ** 2 * (below.diag(places.below) + (trend_below**2).sum(axis=0))
+            faded = self._fade(k, places) ** 2 * below.diag(places.below)
+            prior = (1.0 - gate) ** 2 * (faded + (trend_below**2).sum(axis=0))
             prior += gate**2 * (above.diag(places.above) + (trend_above**2).sum(axis=0))
             explained = np.einsum("cmn,cmn->cm", cross @ posterior.inverse[k], cross)
             means.append(self._mean(k, places, gate) + np.einsum("cmn,cn->cm", cross, posterior.coefficient[k]))
