@@ -6,7 +6,8 @@ import pytest
 
 from graindamp.errors import InputError
 from graindamp.field.schema import check, make_field
-from graindamp.field.surrogate import Form, Surrogate
+from graindamp.field.surrogate import Surrogate
+from graindamp.field.surrogate_prior import Form
 from graindamp.status import Status
 from graindamp.units import STANDARD_GRAVITY
 
