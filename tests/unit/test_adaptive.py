@@ -9,9 +9,12 @@ from graindamp.field.adaptive import (
     cycles_cost,
     error_ratio,
     is_accurate,
+    learned_cost,
+    nearest,
     next_points,
 )
 from graindamp.field.surrogate import Surrogate
+from graindamp.spec.field import logarithmic
 from graindamp.units import STANDARD_GRAVITY
 
 pytest.importorskip("sklearn")
@@ -58,10 +61,48 @@ def test_one_value_is_no_axis():
 
 def test_a_start_looks_on_both_sides_of_the_expected_edge():
     plain, aware = coarse_start(*RANGES), coarse_start(*RANGES, clearance=CLEARANCE)
-    assert len(plain) == 16
+    assert len(plain) == 16  # 4, 3, 4 and 3 with the two corners
     assert aware[:16] == plain
     stroke = [gamma * STANDARD_GRAVITY / (2 * np.pi * f) ** 2 / OPTIMUM for f, gamma in aware[16:]]
     assert stroke == pytest.approx([0.3, 1.2])
+
+
+def test_a_start_is_staggered_and_spans_the_range():
+    start = np.array(coarse_start(*RANGES, 4, 4))
+    columns = [start[start[:, 0] == f, 1] for f in np.unique(start[:, 0])]
+    between = np.sqrt(columns[0][1:] * columns[0][:-1])
+    assert columns[1] == pytest.approx(between)
+    assert columns[2] == pytest.approx(columns[0])
+    assert columns[3] == pytest.approx([1.0, *between, 40.0])
+
+
+def test_candidates_are_those_of_a_grid_plan():
+    """To the last bit: a result is known by its frequency and intensity."""
+    f, gamma = candidates(*RANGES, (28, 15))
+    assert set(f) == set(logarithmic(*RANGES[0], 28))
+    assert set(gamma) == set(logarithmic(*RANGES[1], 15))
+
+
+def test_a_start_moves_onto_the_candidates(grid):
+    start = coarse_start(*RANGES, clearance=CLEARANCE)
+    moved = nearest([*start, start[0]], grid)
+    assert set(moved) <= set(zip(*grid, strict=True))
+    assert len(set(moved)) == len(moved) <= len(start)
+    assert moved[0] == (RANGES[0][0], RANGES[1][0])
+
+
+def test_a_cost_is_learned_where_it_was_paid():
+    """Ten times the cycles about one place: dear there, and far away as cheap as the others."""
+    f, gamma = candidates(*RANGES, (6, 6))
+    dear = (f == f[0]) & (gamma == gamma[-1])
+    cost = learned_cost(f, gamma, np.where(dear, 10.0, 1.0) / f)
+    assert cost(f[dear], gamma[dear])[0] > 2 / f[0]  # the neighbours have a say: 10^0.4
+    far = np.hypot(np.log(f / f[0]), np.log(gamma / gamma[-1])) > 2
+    assert cost(f[far], gamma[far]) == pytest.approx(1 / f[far], rel=0.02)
+    with pytest.raises(InputError, match="of one point at least"):
+        learned_cost([], [], [])
+    with pytest.raises(InputError, match="above 0"):
+        learned_cost([100.0], [1.0], [0.0])
 
 
 def test_a_start_leaves_out_what_lies_outside():
@@ -70,13 +111,33 @@ def test_a_start_leaves_out_what_lies_outside():
         coarse_start(*RANGES, clearance=0.0)
 
 
-def test_the_worst_point_comes_first_and_all_need_it(surrogate, grid):
+def test_points_lie_where_they_help_most(surrogate, grid):
+    """The first choice lowers the errors of the range more than the worst place alone would."""
     chosen = next_points(surrogate, grid, 5)
     ratio = error_ratio(surrogate, *grid)
     assert len(chosen) == 5
-    assert chosen[0].ratio == pytest.approx(ratio.max())
-    assert all(choice.ratio > 1 for choice in chosen)
+    at = np.flatnonzero((grid[0] == chosen[0].frequency) & (grid[1] == chosen[0].intensity))[0]
+    assert chosen[0].ratio == pytest.approx(ratio[at])
     assert next_points(surrogate, grid, 5) == chosen
+    joint = surrogate.joint(*grid)
+
+    def left(k):
+        squares = []
+        for covariance, noise, error in zip(*joint, _errors(surrogate, grid), strict=True):
+            variance = np.diagonal(covariance)
+            taken = covariance[:, k] ** 2 / variance / (variance[k] + noise[k])
+            squares.append(error**2 * np.clip(1 - taken, 0, 1))
+        return np.sum(np.sqrt(np.maximum(np.sqrt(np.maximum(*squares)), 1.0)))
+
+    assert left(at) < left(int(np.argmax(ratio)))
+    assert left(at) == pytest.approx(min(left(k) for k in range(len(ratio))))
+
+
+def _errors(surrogate, grid):
+    """Predicted standard errors of eta and m' over 5 % of max(eta, 0.05)."""
+    values = surrogate.predict(*grid)
+    asked = 0.05 * np.maximum(values.loss_factor, 0.05)
+    return values.loss_factor_se / asked, values.effective_mass_ratio_se / asked
 
 
 def test_a_batch_keeps_its_distance(surrogate, grid):
@@ -97,19 +158,9 @@ def test_running_points_count_as_chosen(surrogate, grid):
         assert choice == pytest.approx(other, rel=1e-6)  # rounding
 
 
-def test_a_cost_weighs_against_the_variance(surrogate, grid):
-    """One choice of all candidates is the largest ratio squared per cost; a steep cost moves it to cheap points."""
-
-    def steep(f, gamma):
-        return f**-6.0
-
-    far = np.array([np.min(np.hypot(np.log(surrogate.frequency / f), np.log(surrogate.intensity / gamma)))
-                    for f, gamma in zip(*grid, strict=True)]) >= LEAST_DISTANCE  # fmt: skip
-    ratio = np.where(far, error_ratio(surrogate, *grid), 0.0)
-    for cost in (cycles_cost, steep):
-        best = np.argmax(np.where(ratio > 1.0, ratio**2 / cost(*grid), 0.0))
-        assert next_points(surrogate, grid, 1, cost=cost)[0][:2] == (grid[0][best], grid[1][best])
-    plain, priced = next_points(surrogate, grid, 1)[0], next_points(surrogate, grid, 1, cost=steep)[0]
+def test_a_steep_cost_moves_the_choice_to_cheap_points(surrogate, grid):
+    plain = next_points(surrogate, grid, 1)[0]
+    priced = next_points(surrogate, grid, 1, cost=lambda f, gamma: f**-6.0)[0]
     assert priced.frequency > plain.frequency
 
 

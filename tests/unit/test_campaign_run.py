@@ -238,6 +238,19 @@ def test_the_surrogate_chooses_points_within_their_range(tmp_path):
     assert found.field.attrs["particle_steps"] == found.points["particle_steps"].sum()
 
 
+def test_an_adaptive_plan_keeps_to_a_share_of_the_cost_of_the_grid(tmp_path, counter):
+    """Here cycles cost the same everywhere, so that the estimate is exact, and the grid's points are the plan's."""
+    pytest.importorskip("sklearn")
+    found = run(tmp_path, field_spec(ADAPTIVE | {"max_cost": 0.1, "max_points": 100, "accuracy": 0.001}))
+    axes = [{"start": low, "stop": high, "count": n} for low, high, n in ((50, 200, 28), (1, 40, 15))]
+    full = field_spec({"kind": "grid", "frequency": axes[0], "intensity": axes[1]})
+    n_adaptive = len(counted(counter))
+    whole = run(tmp_path, full)
+    assert whole.n_computed == 420 - n_adaptive
+    share = float(found.points["particle_steps"].sum() / whole.field["particle_steps"].sum())
+    assert 0.08 < share <= 0.1 * (1 + 1e-3)  # steps are whole numbers
+
+
 def test_a_softening_study_is_kept_with_the_field(tmp_path):
     spec = field_spec(softening_study={"points": [[50, 1], [100, 20]], "factors": [1, 10, 100]})
     found = run(tmp_path, spec)

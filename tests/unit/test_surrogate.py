@@ -6,7 +6,8 @@ import pytest
 
 from graindamp.errors import InputError
 from graindamp.field.schema import check, make_field
-from graindamp.field.surrogate import Form, Surrogate
+from graindamp.field.surrogate import Surrogate
+from graindamp.field.surrogate_prior import Form
 from graindamp.status import Status
 from graindamp.units import STANDARD_GRAVITY
 
@@ -200,12 +201,23 @@ def test_a_field_ends_where_the_points_end(surrogate):
         surrogate.field(*axes, outside="guess")
 
 
-def test_believing_lowers_the_error_there_and_leaves_the_original(surrogate):
-    before = surrogate.predict(60.0, 9.0)
-    believed = surrogate.believing(60.0, 9.0)
-    after = believed.predict(60.0, 9.0)
-    assert after.loss_factor_se < 0.5 * before.loss_factor_se
-    assert len(surrogate.frequency) == 25
-    assert len(believed.frequency) == 26
-    np.testing.assert_array_equal(surrogate.predict(60.0, 9.0).loss_factor_se, before.loss_factor_se)
-    assert surrogate.believing([], []) is surrogate
+def test_joint_covariances_are_those_of_the_prediction(surrogate):
+    """On the diagonal what predict says of m', but for inflation; and neighbours vary together."""
+    f, gamma = np.array([60.0, 62.0, 300.0]), np.array([9.0, 9.0, 1.5])
+    joint, values = surrogate.joint(f, gamma), surrogate.predict(f, gamma)
+    variance = np.diagonal(joint.covariance[1])
+    share = values.effective_mass_ratio_se**2 / variance
+    assert np.all((share >= 0.5 - 1e-9) & (share <= 9.0 + 1e-9))  # limits of the inflation
+    for covariance, noise in zip(*joint, strict=True):
+        np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-9)
+        correlation = covariance / np.sqrt(np.outer(np.diagonal(covariance), np.diagonal(covariance)))
+        assert correlation[0, 1] > 0.8
+        assert abs(correlation[0, 2]) < 0.5
+        assert np.all(noise > 0)
+
+
+def test_scatter_of_the_mass_fades_with_intensity(surrogate, points):
+    """Far from all points at high Gamma below the edge, m' is presumed to be small, unless fading is switched off."""
+    plain = Surrogate(points, CLEARANCE, form=Form(has_fade=False))
+    errors = [one.predict(3000.0, 40.0).effective_mass_ratio_se for one in (surrogate, plain)]
+    assert errors[0] < errors[1]

@@ -12,6 +12,8 @@ import time
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from graindamp.campaign.descriptions import BATCH, StoredField, save_field
 from graindamp.campaign.point import PointResult, PointTask, task_of
 from graindamp.campaign.runner import Runner
@@ -43,8 +45,8 @@ class AdaptiveSource(Protocol):
 def run_adaptive(field: StoredField, runner: Runner, source: AdaptiveSource | None = None) -> StoredField:
     """Run an adaptive plan to its end; the description with all points chosen.
 
-    It ends when the accuracy is predicted everywhere, or at the limits of points or time. A limit of time makes the
-    number of points depend on the computer.
+    It ends when the accuracy is predicted everywhere, or at the limits of points, cost or time. A limit of time makes
+    the number of points depend on the computer.
 
     Args:
         field: what was asked for, with the points chosen by an earlier campaign.
@@ -108,7 +110,7 @@ def _results(field: StoredField, runner: Runner, place: Place) -> list[PointResu
 
 
 class SurrogateSource:
-    """Points where the Gaussian process of :mod:`graindamp.field.surrogate` is least certain."""
+    """Points that lower the errors of the Gaussian process of :mod:`graindamp.field.surrogate` most, for their cost."""
 
     def __init__(self, spec: FieldSpec) -> None:
         """Choose points of an adaptive plan."""
@@ -118,20 +120,21 @@ class SurrogateSource:
         self._clearance = lid.clearance if isinstance(lid, RigidLid) else None
 
     def first(self) -> Sequence[Place]:
-        """A coarse grid, and where the edge of collect and collide is expected."""
-        from graindamp.field.adaptive import coarse_start
+        """A coarse grid, and where the edge of collect and collide is expected; all of them candidates."""
+        from graindamp.field.adaptive import candidates, coarse_start, nearest
 
         plan = self._plan
         counts = plan.start_frequencies, plan.start_intensities
         start = coarse_start(plan.frequency_range, plan.intensity_range, *counts, clearance=self._clearance)
-        return start[: plan.max_points]
+        return nearest(start, candidates(plan.frequency_range, plan.intensity_range))[: plan.max_points]
 
     def next(
         self, results: Sequence[tuple[Place, Sequence[PointResult]]], running: Sequence[Place], n_point: int
     ) -> Sequence[Place]:
-        """The points that take away most of what the error is above the asked one, for their cost."""
+        """The points that take away most of what the errors are above the asked ones, for their cost."""
         from graindamp.campaign.consolidate import Answer, field_of
-        from graindamp.field.adaptive import candidates, cycles_cost, is_accurate, next_points
+        from graindamp.field.adaptive import candidates, is_accurate, learned_cost, next_points
+        from graindamp.field.schema import places_of
         from graindamp.field.surrogate import Surrogate
 
         plan, floor = self._plan, self._spec.stop.floor
@@ -140,7 +143,11 @@ class SurrogateSource:
         ranges = plan.frequency_range, plan.intensity_range
         if is_accurate(surrogate, *ranges, accuracy=plan.accuracy, floor=floor).is_accurate:
             return []
-        choices = next_points(
-            surrogate, candidates(*ranges), n_point, plan.accuracy, floor, busy=running, cost=cycles_cost
-        )
+        grid, paid = candidates(*ranges), points["particle_steps"].to_numpy() / self._spec.seeds
+        cost = learned_cost(*places_of(points), paid)
+        left = np.inf
+        if plan.max_cost is not None:
+            under_way = cost(*np.array(running, float).reshape(-1, 2).T)
+            left = plan.max_cost * float(np.sum(cost(*grid))) - float(np.sum(paid)) - float(np.sum(under_way))
+        choices = next_points(surrogate, grid, n_point, plan.accuracy, floor, busy=running, cost=cost, budget=left)
         return [(choice.frequency, choice.intensity) for choice in choices]

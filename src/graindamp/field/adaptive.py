@@ -5,6 +5,8 @@
     next_points         what to compute now, while other points are still running; and again
 
 Accuracy is asked relative to max(eta, floor), for eta and for m'. Everything is deterministic.
+
+Source of the choice, linear regression on a run not yet made: Cohn (1996), Neural Networks 9, 1071-1083.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from graindamp.errors import InputError
 from graindamp.field.surrogate import Surrogate
+from graindamp.spec.field import logarithmic
 from graindamp.units import STANDARD_GRAVITY
 
 Real = NDArray[np.float64]
@@ -29,6 +32,10 @@ LEAST_DISTANCE = 0.05
 """Distance in ln f, ln Gamma below which two points are one."""
 EDGE_STROKE = 0.6
 """X / X_opt at which collect and collide is expected to begin, between the 0.5 and 0.7 of shaken beds."""
+
+COST_LENGTH = 0.5
+"""Distance in ln f, ln Gamma over which costs of points are averaged."""
+_TINY = 1e-12
 
 
 class Choice(NamedTuple):
@@ -66,6 +73,8 @@ def candidates(
 ) -> tuple[Real, Real]:
     """Frequencies [Hz] and intensities [-] of a grid equally spaced in their logarithms, ends included; (point,) each.
 
+    They are those of a grid plan, to the last bit: results of one plan serve the other.
+
     Raises:
         InputError: a range that is not ascending and above 0, or fewer than two values along an axis.
     """
@@ -73,7 +82,7 @@ def candidates(
     _check_range("intensity_range", intensity_range)
     if min(shape) < 2:
         raise InputError(f"shape is {shape}; at least two frequencies and two intensities are needed")
-    axes = np.geomspace(*frequency_range, shape[0]), np.geomspace(*intensity_range, shape[1])
+    axes = logarithmic(*frequency_range, shape[0]), logarithmic(*intensity_range, shape[1])
     f, gamma = np.meshgrid(*axes, indexing="ij")
     return f.ravel(), gamma.ravel()
 
@@ -88,22 +97,28 @@ def coarse_start(
 ) -> list[tuple[float, float]]:
     """First points of an adaptive field: frequency [Hz] and intensity [-] of each.
 
-    A grid, ends included. With a clearance, also one point at half and one at twice the stroke of the expected edge of
-    collect and collide, at the same intensity, a quarter of the range below its top: they show whether there is an
-    edge. Points outside the range or too near to others are left out.
+    A staggered grid, ends included: every second frequency has its intensities halfway between those of the others,
+    one fewer, so that both sets together tell how the field changes with Gamma. With a clearance, also one point at
+    half and one at twice the stroke of the expected edge of collect and collide, at the same intensity, a quarter of
+    the range below its top: they show whether there is an edge. Points outside the range or too near to others are
+    left out.
 
     Args:
         frequency_range: lowest and highest frequency [Hz].
         intensity_range: lowest and highest Gamma [-].
         n_frequency: frequencies of the grid.
-        n_intensity: intensities of the grid.
+        n_intensity: intensities at the first frequency, and at every second; at the highest, too, its ends.
         clearance: free travel h of the bed [m].
         edge_stroke: X / X_opt of the expected edge [-], X_opt = h / pi.
 
     Raises:
         InputError: a range or number outside its limits.
     """
-    f, gamma = candidates(frequency_range, intensity_range, (n_frequency, n_intensity))
+    f, gamma = candidates(frequency_range, intensity_range, (n_frequency, 2 * n_intensity - 1))
+    column, row = np.divmod(np.arange(len(f)), 2 * n_intensity - 1)
+    is_corner = (column == n_frequency - 1) & ((row == 0) | (row == 2 * n_intensity - 2))
+    used = ((column + row) % 2 == 0) | is_corner
+    f, gamma = f[used], gamma[used]
     if clearance is not None:
         if not (clearance > 0 and edge_stroke > 0):
             raise InputError(f"clearance is {clearance} m, edge_stroke is {edge_stroke}, but both must be above 0")
@@ -115,6 +130,13 @@ def coarse_start(
         keep &= _far_from(extra_f, extra_gamma, f, gamma, LEAST_DISTANCE)
         f, gamma = np.append(f, extra_f[keep]), np.append(gamma, extra_gamma[keep])
     return list(zip(f.tolist(), gamma.tolist(), strict=True))
+
+
+def nearest(points: Sequence[tuple[float, float]], candidate: tuple[Real, Real]) -> list[tuple[float, float]]:
+    """The candidate nearest to each point in ln f, ln Gamma, none of them twice; frequency [Hz] and intensity [-]."""
+    f, gamma = candidate
+    found = [int(np.argmin(np.hypot(np.log(f / a), np.log(gamma / b)))) for a, b in points]
+    return [(float(f[k]), float(gamma[k])) for k in dict.fromkeys(found)]
 
 
 def error_ratio(
@@ -131,6 +153,34 @@ def cycles_cost(frequency: Real, intensity: Real) -> Real:
     return np.asarray(1.0 / frequency + 0.0 * intensity)
 
 
+def learned_cost(frequency: ArrayLike, intensity: ArrayLike, paid: ArrayLike) -> Cost:
+    """Cost as the points computed so far have it: beds near the edge take several times as many cycles as others.
+
+    The cost of a second of simulated motion, cost times f, is the geometric mean of what the points had, with weights
+    that fall as a Gaussian of their distance in ln f, ln Gamma.
+
+    Args:
+        frequency: of the points computed [Hz], shape (point,).
+        intensity: their Gamma [-], shape (point,).
+        paid: what they have cost, such as particle-steps, above 0, shape (point,).
+
+    Raises:
+        InputError: no points, or a cost that is not finite or not above 0.
+    """
+    f, gamma, cost = (np.asarray(values, float).ravel() for values in (frequency, intensity, paid))
+    if not (cost.size and np.all(np.isfinite(cost) & (cost > 0))):
+        raise InputError("costs of points must be finite and above 0, and of one point at least")
+    known = np.log(cost * f)
+
+    def expected(frequency: Real, intensity: Real) -> Real:
+        squares = np.log(frequency[..., None] / f) ** 2 + np.log(intensity[..., None] / gamma) ** 2
+        away = (squares - squares.min(axis=-1, keepdims=True)) / (2.0 * COST_LENGTH**2)
+        weight = np.exp(-away)
+        return np.asarray(np.exp((weight @ known) / weight.sum(axis=-1)) / frequency)
+
+    return expected
+
+
 def next_points(
     surrogate: Surrogate,
     candidate: tuple[ArrayLike, ArrayLike],
@@ -143,16 +193,18 @@ def next_points(
     budget: float = np.inf,
     least_distance: float = LEAST_DISTANCE,
 ) -> list[Choice]:
-    """Points to compute next, the most wanted first: those of the largest predicted error over the asked one.
+    """Points to compute next, the most wanted first: those that lower the errors most, all over the range.
 
-    After each choice the surrogate believes to have found what it expects there, so that a batch spreads out; so it
-    does for the points that are still running. With a cost, the point of the largest squared error ratio per cost is
-    taken: what a run takes away is variance. Points already within the accuracy are never chosen, and the list ends
-    early, or is empty, when there is no other.
+    The error ratio of a place is its predicted standard error over the asked one, the larger of eta and m'. A run
+    lowers it there and wherever the field is correlated with it. Taken is the candidate after whose run the sum of
+    the square roots of all ratios above 1 will have fallen most, with a cost: most per cost. So a doubtful region
+    counts by its size more than by its worst place. Then the next is chosen as if that run had been made; points still
+    running count likewise. Nothing is chosen if all places are within the accuracy.
 
     Args:
         surrogate: of all points computed so far.
-        candidate: frequencies [Hz] and intensities [-] to choose from, of one shape or broadcast to one.
+        candidate: frequencies [Hz] and intensities [-] to choose from, and at which errors count, of one shape or
+            broadcast to one.
         n_batch: most points to choose.
         accuracy: asked relative standard error [-].
         floor: eta below which the asked error is accuracy times floor [-].
@@ -169,23 +221,25 @@ def next_points(
     price = np.ones_like(f) if cost is None else np.broadcast_to(np.asarray(cost(f, gamma), float), f.shape)
     if not np.all(np.isfinite(price) & (price > 0)):
         raise InputError("cost gives a value that is not finite or not above 0 at some candidate")
-    believed = surrogate.believing(*np.array(busy, float).reshape(-1, 2).T)
-    is_free = _far_from(f, gamma, believed.frequency, believed.intensity, least_distance)
+    busy_f, busy_gamma = np.array(busy, float).reshape(-1, 2).T
+    outlook = _outlook(surrogate, np.append(f, busy_f), np.append(gamma, busy_gamma), accuracy, floor)
+    for k in range(len(f), len(f) + len(busy)):
+        outlook = _after(outlook, k)
+    is_free = _far_from(f, gamma, np.append(surrogate.frequency, busy_f), np.append(surrogate.intensity, busy_gamma),
+                        least_distance)  # fmt: skip
     chosen: list[Choice] = []
     left = budget
     while len(chosen) < n_batch:
         is_free &= price <= left
-        f, gamma, price = f[is_free], gamma[is_free], price[is_free]
-        if not f.size:
+        gain = np.where(is_free, _gains(outlook, len(f)) / price, 0.0)
+        best = int(np.argmax(gain))
+        if gain[best] <= 0.0:
             break
-        ratio = error_ratio(believed, f, gamma, accuracy, floor)
-        best = int(np.argmax(np.where(ratio > 1.0, ratio**2 / price, 0.0)))
-        if ratio[best] <= 1.0:
-            break
-        chosen.append(Choice(float(f[best]), float(gamma[best]), float(ratio[best])))
+        ratio = np.sqrt(max(square[best] for square in outlook.squares))
+        chosen.append(Choice(float(f[best]), float(gamma[best]), float(ratio)))
         left -= price[best]
-        is_free = _far_from(f, gamma, f[best : best + 1], gamma[best : best + 1], least_distance)
-        believed = believed.believing(f[best], gamma[best])
+        is_free &= _far_from(f, gamma, f[best : best + 1], gamma[best : best + 1], least_distance)
+        outlook = _after(outlook, best)
     return chosen
 
 
@@ -222,6 +276,43 @@ def is_accurate(
         float(np.mean(ratio <= 1.0)),
         float(np.median(ratio)),
     )
+
+
+class _Outlook(NamedTuple):
+    """What is expected at some places once the runs chosen so far are made; pairs are of eta and m'."""
+
+    squares: tuple[Real, Real]  # of the error ratio; (place,)
+    covariance: tuple[Real, Real]  # (place, place)
+    noise: tuple[Real, Real]  # variance of a run; (place,)
+
+
+def _outlook(surrogate: Surrogate, f: Real, gamma: Real, accuracy: float, floor: float) -> _Outlook:
+    values = surrogate.predict(f, gamma)
+    asked = accuracy * np.maximum(values.loss_factor, floor)
+    squares = (values.loss_factor_se / asked) ** 2, (values.effective_mass_ratio_se / asked) ** 2
+    return _Outlook(squares, *surrogate.joint(f, gamma))
+
+
+def _after(outlook: _Outlook, k: int) -> _Outlook:
+    """The same after a run at place k, by linear regression on what it will give."""
+    squares, covariances = [], []
+    for square, covariance, noise in zip(*outlook, strict=True):
+        rest = covariance - np.outer(covariance[:, k], covariance[k]) / (covariance[k, k] + noise[k])
+        share = np.diagonal(rest) / np.maximum(np.diagonal(covariance), _TINY)
+        squares.append(square * np.clip(share, 0.0, 1.0))
+        covariances.append(rest)
+    return _Outlook((squares[0], squares[1]), (covariances[0], covariances[1]), outlook.noise)
+
+
+def _gains(outlook: _Outlook, n: int) -> Real:
+    """By how much a run at each of the first n places lowers the sum of the square roots of error ratios above 1."""
+    after = []
+    for square, covariance, noise in zip(*outlook, strict=True):
+        variance = np.maximum(np.diagonal(covariance), _TINY)
+        taken = covariance[:n, :n] ** 2 / (variance[:n, None] * (variance + noise)[:n])
+        after.append(square[:n, None] * np.clip(1.0 - taken, 0.0, 1.0))
+    now = np.maximum(np.maximum(*outlook.squares)[:n], 1.0) ** 0.25
+    return np.asarray((now[:, None] - np.maximum(np.maximum(*after), 1.0) ** 0.25).sum(axis=0))
 
 
 def _far_from(f: Real, gamma: Real, other_f: Real, other_gamma: Real, distance: float) -> NDArray[np.bool_]:

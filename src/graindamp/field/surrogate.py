@@ -17,9 +17,7 @@ surfaces: Herlands et al. (2016), AISTATS, PMLR 51, 1013-1021; mixtures over par
 103, 1119-1130.
 """
 
-import copy
 from collections.abc import Iterator
-from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any, Literal, NamedTuple
 
@@ -29,7 +27,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from graindamp.errors import InputError
 from graindamp.field.schema import check, make_field, places_of
-from graindamp.field.theory import collect_and_collide, stroke_ratio_best, stroke_ratio_max
+from graindamp.field.surrogate_edges import (
+    CURVATURES,
+    EDGE_STEP,
+    NO_EDGE,
+    WIDTHS,
+    gate_of,
+    gated,
+    lattice,
+    lattice_of,
+    probable,
+    regions,
+    threshold,
+)
+from graindamp.field.surrogate_prior import (
+    FADE,
+    Form,
+    Places,
+    kernels,
+    presumed,
+    prior,
+    stroke_of,
+    theory_table,
+)
 from graindamp.status import FATAL, Status
 from graindamp.units import STANDARD_GRAVITY
 
@@ -43,31 +63,8 @@ DEFAULT_ERROR = 0.02
 """Standard error assumed where it is unknown, over max(eta, 0.05)."""
 SMALLEST_ETA = 0.05
 
-_EDGE_SPREAD, _EDGE_LIMIT, _EDGE_STEP = 0.7, 1.6, 0.1
-_SLOPES, _SLOPE_SPREAD = (-0.3, -0.15, 0.0, 0.15, 0.3), 0.15
-_CURVATURES, _CURVATURE_SPREAD = (-0.35, 0.0, 0.35), 0.25
-_COARSE_WIDTHS, _WIDTHS = (0.03, 0.1), (0.02, 0.05, 0.12)
-_NO_EDGE = 1e3
-_NO_EDGE_PROBABILITY = 0.02
 _FEWEST_WEIGHT, _MOST_EDGES, _CHUNK = 1e-3, 64, 32
 _LARGEST_LOG_VARIANCE = 1.0
-
-
-class Form(NamedTuple):
-    """What kind of surrogate; the defaults won the comparison in docs/surrogate.md."""
-
-    offset: float = 0.05
-    """The process describes ln(eta + offset), which has about constant error where that of eta is relative to
-    max(eta, offset); inf describes eta itself."""
-    smoothness: float = 2.5
-    """nu of the Matern covariances: 1.5 or 2.5."""
-    has_edge: bool = True
-    """Two regimes with an edge between them; False leaves one process over all points."""
-    has_theory: bool = True
-    """Let the marginal likelihood choose between a constant mean and collect-and-collide theory above the edge."""
-    has_stretch: bool = True
-    """Let the marginal likelihood choose whether the axis ln Gamma is stretched threefold around Gamma = 1.1, where a
-    bed held by gravity comes loose."""
 
 
 class SurrogateValues(NamedTuple):
@@ -107,30 +104,14 @@ class Edge(NamedTuple):
     """Probability that the points have an edge at all [-]."""
 
 
-class _Places(NamedTuple):
-    """Operating points in the coordinates of both regimes."""
+class Joint(NamedTuple):
+    """Predicted covariances between places, and the variance of a run at each, both of eta as the process describes it
+    and of m'."""
 
-    below: Real  # ln(f / 100 Hz), ln Gamma (stretched); (point, 2)
-    above: Real  # ln(X / X_opt), ln(f / 100 Hz);        (point, 2)
-    intensity: Real  # ln Gamma; (point,)
-
-    @property
-    def stroke(self) -> Real:
-        return self.above[:, 0]
-
-    @property
-    def frequency(self) -> Real:
-        return self.above[:, 1]
-
-
-class _Quantity(NamedTuple):
-    """What is presumed of eta (transformed) or m' before any point is known."""
-
-    amplitude: float  # standard deviation of either process
-    level_below: float
-    level_above: float
-    level_sd: float  # of the level and, halved, of the slope over ln Gamma below the edge
-    row: int  # of the theory's table
+    covariance: tuple[Real, Real]
+    """Of the field itself; (place, place)."""
+    noise: tuple[Real, Real]
+    """Of a run about the field; (place,)."""
 
 
 class _Posterior(NamedTuple):
@@ -176,15 +157,15 @@ class Surrogate:
         self.frequency, self.intensity, self.values, self.errors = _usable(points)
         if len(self.frequency) < MIN_POINTS:
             raise InputError(f"a surrogate needs at least {MIN_POINTS} usable points, given {len(self.frequency)}")
-        stroke = _stroke(self.frequency, self.intensity)
+        stroke = stroke_of(self.frequency, self.intensity)
         self.optimum = clearance / np.pi if clearance is not None else float(np.exp(np.mean(np.log(stroke))))
-        self._table = _theory_table(restitution) if clearance is not None and self.form.has_theory else None
-        self._quantities = _presumed(self.form)
+        self._table = theory_table(restitution) if clearance is not None and self.form.has_theory else None
+        self._quantities = presumed(self.form)
         self._is_free = clearance is None
-        self._lattice = _lattice(self.form, np.log(stroke / self.optimum) if self._is_free else None)
+        self._lattice = lattice(self.form, np.log(stroke / self.optimum) if self._is_free else None)
         self.clearance_factor: float | None = None
         self.stretch = 1.0
-        self._theta = [_prior(quantity)[0] for quantity in self._quantities]
+        self._theta = [prior(quantity)[0] for quantity in self._quantities]
         self._choose()
         self._posterior = self._conditioned(self._refined())
         self._inflation = self._calibrated()
@@ -233,7 +214,7 @@ class Surrogate:
             raise InputError("frequency [Hz] and intensity [-] must be finite and above 0")
         places = self._places(f.ravel(), gamma.ravel())
         mean, variance = self._given_edges(places)
-        region = _regions(self._posterior.weight, _gate(self._posterior.edges, places))
+        region = regions(self._posterior.weight, gate_of(self._posterior.edges, places))
         values, errors = [], []
         for k in (0, 1):
             value, error = _mixture(mean[k], variance[k], self._posterior.weight[:, None], self._offset(k))
@@ -303,13 +284,13 @@ class Surrogate:
         """Intensity at which collect and collide begins, at frequencies [Hz] of any shape."""
         f = np.asarray(frequency, float)
         edges, weight = self._posterior.edges, self._posterior.weight
-        real = edges[:, 0] < _NO_EDGE
+        real = edges[:, 0] < NO_EDGE
         probability = min(1.0, float(weight[real].sum()))
         if probability < 0.5:
             return Edge(np.full(f.shape, np.nan), np.full(f.shape, np.nan), probability)
         edges, weight = edges[real], weight[real] / probability
         base = np.log(self.optimum * (2 * np.pi * f) ** 2 / STANDARD_GRAVITY)
-        line = base[..., None] + _threshold(edges, np.log(f / 100.0)[..., None])
+        line = base[..., None] + threshold(edges, np.log(f / 100.0)[..., None])
         mean = line @ weight
         # A transition of logistic shape has a standard deviation of pi / sqrt(3) times its width.
         spread = ((line - mean[..., None]) ** 2 + (edges[:, 3] * np.pi) ** 2 / 3.0) @ weight
@@ -346,29 +327,40 @@ class Surrogate:
         density = np.log((weight * np.exp(log_density)).sum(axis=0)) - self._log_derivative()
         return LeaveOneOut(self.values[0] - eta, self.values[1] - mass, eta_sd, mass_sd, density)
 
-    def believing(self, frequency: ArrayLike, intensity: ArrayLike) -> "Surrogate":
-        """The surrogate as if points (f [Hz], Gamma, shape (point,)) had been computed and found what it expects.
+    def joint(self, frequency: ArrayLike, intensity: ArrayLike, error: float = DEFAULT_ERROR) -> Joint:
+        """What the values at some places say about each other: frequencies [Hz] and intensities [-] of shape (place,).
 
-        Expected is the value given the most probable edge: the mean of two regimes is the value of neither. The
-        standard error is 2 % of max(eta, 0.05); hyperparameters, probable edges and inflation are kept.
+        Covariances are those of the mixture: the mean over the edges of what each predicts, plus that of their means,
+        so that two places between which an edge may lie vary together. Inflation is not in it.
 
-        Source: kriging believer, Ginsbourger, Le Riche & Carraro (2010), Adaptation, Learning and Optimization 2.
+        Args:
+            frequency: [Hz].
+            intensity: Gamma [-].
+            error: standard error of a run over max(eta, 0.05) [-].
         """
-        f, gamma = np.atleast_1d(np.asarray(frequency, float)), np.atleast_1d(np.asarray(intensity, float))
-        if f.size == 0:
-            return self
-        mean, _ = self._given_edges(self._places(f, gamma))
-        best = int(np.argmax(self._posterior.weight))
-        eta, mass = mean[0][best], mean[1][best]
+        places = self._places(np.asarray(frequency, float), np.asarray(intensity, float))
+        points = self._places(self.frequency, self.intensity)
+        posterior = self._posterior
+        gate_points, gate = gate_of(posterior.edges, points), gate_of(posterior.edges, places)
+        mean, _ = self._given_edges(places)
+        middle = [posterior.weight @ mean[k] for k in (0, 1)]
         offset = self._offset(0)
-        eta = eta if offset is None else np.exp(eta) - offset
-        error = DEFAULT_ERROR * np.maximum(eta, SMALLEST_ETA)
-        other = copy.copy(self)
-        other.frequency, other.intensity = np.append(self.frequency, f), np.append(self.intensity, gamma)
-        other.values = np.column_stack([self.values, [eta, mass]])
-        other.errors = np.column_stack([self.errors, [error, error]])
-        other._posterior = other._conditioned(self._posterior.edges)
-        return other
+        eta = middle[0] if offset is None else np.exp(middle[0]) - offset
+        run = error * np.maximum(eta, SMALLEST_ETA)
+        covariances, noises = [], []
+        for k in (0, 1):
+            prior, cross = self._regime_covariances(k, places, places), self._regime_covariances(k, places, points)
+            total = np.zeros((len(eta), len(eta)))
+            for e, weight in enumerate(posterior.weight):
+                here, there = gate[e : e + 1], gate_points[e : e + 1]
+                known = gated(here, there, *cross)[0]
+                away = mean[k][e] - middle[k]
+                part = gated(here, here, *prior)[0] - known @ posterior.inverse[k][e] @ known.T
+                total += weight * (part + np.outer(away, away))
+            covariances.append(total)
+            noise = (run / np.exp(middle[0])) ** 2 if k == 0 and offset is not None else run**2
+            noises.append(noise + posterior.weight @ self._nugget(k, self._theta[k], places, gate))
+        return Joint((covariances[0], covariances[1]), (noises[0], noises[1]))
 
     def _offset(self, k: int) -> float | None:
         return self.form.offset if k == 0 and np.isfinite(self.form.offset) else None
@@ -387,13 +379,13 @@ class Surrogate:
             errors[0] = errors[0] / np.exp(values[0])
         return values, errors
 
-    def _places(self, frequency: Real, intensity: Real) -> _Places:
+    def _places(self, frequency: Real, intensity: Real) -> Places:
         f, gamma = np.log(frequency / 100.0), np.log(intensity)
         stretched = gamma + (self.stretch - 1.0) * 0.25 * np.tanh((gamma - 0.1) / 0.25)
-        stroke = np.log(_stroke(frequency, intensity) / self.optimum)
-        return _Places(np.column_stack([f, stretched]), np.column_stack([stroke, f]), gamma)
+        stroke = np.log(stroke_of(frequency, intensity) / self.optimum)
+        return Places(np.column_stack([f, stretched]), np.column_stack([stroke, f]), gamma)
 
-    def _mean(self, k: int, places: _Places, gate: Real) -> Real:
+    def _mean(self, k: int, places: Places, gate: Real) -> Real:
         """Mean function, shape of gate (edge, point)."""
         quantity = self._quantities[k]
         above: Real | float = quantity.level_above
@@ -401,36 +393,49 @@ class Surrogate:
             theory = np.interp(places.stroke - np.log(self.clearance_factor), self._table[0], self._table[quantity.row])
             offset = self._offset(k)
             above = theory if offset is None else np.log(theory + offset)
-        return (1.0 - gate) * quantity.level_below + gate * above
+        return (1.0 - gate) * quantity.level_below * self._fade(k, places) + gate * above
+
+    def _fade(self, k: int, places: Places) -> Real:
+        """Size of the process below the edge, and of its nugget, at each place [-]; (point,)."""
+        if k == 0 or not self.form.has_fade:
+            return np.ones_like(places.intensity)
+        return np.asarray(1.0 / (1.0 + np.exp(places.intensity) / FADE))
 
     def _processes(self, k: int) -> tuple[Any, Any]:
-        return _kernels(self._theta[k], self.form.smoothness)
+        return kernels(self._theta[k], self.form.smoothness)
 
-    def _trends(self, k: int, places: _Places) -> tuple[Real, Real]:
+    def _trends(self, k: int, places: Places) -> tuple[Real, Real]:
         """Functions with coefficients of unit variance: level and slope below the edge, level above; (trend, point)."""
         sd = self._quantities[k].level_sd
-        one = np.ones_like(places.intensity)
+        one, fade = np.ones_like(places.intensity), self._fade(k, places)
         level_above = sd if self.clearance_factor is None else 0.3
-        return sd * np.stack([one, 0.5 * places.intensity]), level_above * one[None]
+        return sd * fade * np.stack([one, 0.5 * places.intensity]), level_above * one[None]
 
-    def _regime_covariances(self, k: int, first: _Places, second: _Places) -> tuple[Real, Real]:
+    def _regime_covariances(self, k: int, first: Places, second: Places) -> tuple[Real, Real]:
         below, above = self._processes(k)
         trends = zip(self._trends(k, first), self._trends(k, second), strict=True)
         linear_below, linear_above = (a.T @ b for a, b in trends)
-        return below(first.below, second.below) + linear_below, above(first.above, second.above) + linear_above
+        faded = np.outer(self._fade(k, first), self._fade(k, second))
+        return faded * below(first.below, second.below) + linear_below, above(first.above, second.above) + linear_above
+
+    def _nugget(self, k: int, theta: Real, places: Places, gate: Real) -> Real:
+        """Variance that the standard errors miss at each point; (edge, point)."""
+        return np.asarray(np.exp(2.0 * theta[6]) * (((1.0 - gate) * self._fade(k, places)) ** 2 + gate**2))
 
     def _systems(self, edges: Real) -> Iterator[tuple[Real, list[tuple[Real, Real]]]]:
         """For some edges at a time: log priors, and for eta and m' the points' covariances and values less mean."""
         places = self._places(self.frequency, self.intensity)
         values, errors = self._transformed()
         regimes = [self._regime_covariances(k, places, places) for k in (0, 1)]
-        noise = [np.diag(errors[k] ** 2 + np.exp(2.0 * self._theta[k][6])) for k in (0, 1)]
         for start in range(0, len(edges), _CHUNK):
             part = edges[start : start + _CHUNK]
-            gate = _gate(part, places)
-            systems = [
-                (_gated(gate, gate, *regimes[k]) + noise[k], values[k] - self._mean(k, places, gate)) for k in (0, 1)
-            ]
+            gate = gate_of(part, places)
+            systems = []
+            for k in (0, 1):
+                covariance = gated(gate, gate, *regimes[k])
+                noise = errors[k] ** 2 + self._nugget(k, self._theta[k], places, gate)
+                covariance[:, range(len(noise[0])), range(len(noise[0]))] += noise
+                systems.append((covariance, values[k] - self._mean(k, places, gate)))
             yield part[:, 4], systems
 
     def _log_weights(self, edges: Real) -> Real:
@@ -470,7 +475,7 @@ class Surrogate:
         best = log_weights.max()
         penalty = 0.0
         for quantity, theta in zip(self._quantities, self._theta, strict=True):
-            centre, spread = _prior(quantity)
+            centre, spread = prior(quantity)
             penalty += 0.5 * float(np.sum(((theta - centre) / spread) ** 2))
         return float(best + np.log(np.sum(np.exp(log_weights - best))) - penalty)
 
@@ -505,16 +510,16 @@ class Surrogate:
 
     def _refined(self) -> Real:
         """Probable edges of a finer lattice that spans those of the coarse one."""
-        coarse = _probable(self._lattice, self._log_weights(self._lattice), 1e-3)
-        real = coarse[coarse[:, 0] < _NO_EDGE]
+        coarse = probable(self._lattice, self._log_weights(self._lattice), 1e-3)
+        real = coarse[coarse[:, 0] < NO_EDGE]
         if not len(real):
             return coarse
-        margin = np.array([_EDGE_STEP, 0.1])
+        margin = np.array([EDGE_STEP, 0.1])
         low, high = real[:, :2].min(axis=0) - margin, real[:, :2].max(axis=0) + margin
         position, slope = np.linspace(low[0], high[0], 19), np.linspace(low[1], high[1], 7)
-        fine = _edges(position, slope, _CURVATURES, _WIDTHS, self._is_free)
-        edges = np.concatenate([coarse[coarse[:, 0] == _NO_EDGE], fine])
-        return _probable(edges, self._log_weights(edges), _FEWEST_WEIGHT, _MOST_EDGES)
+        fine = lattice_of(position, slope, CURVATURES, WIDTHS, self._is_free)
+        edges = np.concatenate([coarse[coarse[:, 0] == NO_EDGE], fine])
+        return probable(edges, self._log_weights(edges), _FEWEST_WEIGHT, _MOST_EDGES)
 
     def _maximised(self, k: int, edge: Real) -> Real:
         """Hyperparameters of the largest marginal likelihood times prior, given an edge, from where they are.
@@ -525,21 +530,23 @@ class Surrogate:
         from scipy.optimize import minimize
 
         places = self._places(self.frequency, self.intensity)
-        gate = _gate(edge[None], places)
+        gate = gate_of(edge[None], places)
         values, errors = self._transformed()
         residual = (values[k] - self._mean(k, places, gate))[0]
-        shares = np.outer(1.0 - gate[0], 1.0 - gate[0]), np.outer(gate[0], gate[0])
+        shares = [np.outer(1.0 - gate[0], 1.0 - gate[0]), np.outer(gate[0], gate[0])]
         trends = self._trends(k, places)
         fixed = sum(share * (trend.T @ trend) for share, trend in zip(shares, trends, strict=True))
+        fade = self._fade(k, places)
+        shares[0] = shares[0] * np.outer(fade, fade)
         fixed = fixed + np.diag(errors[k] ** 2)
-        centre, spread = _prior(self._quantities[k])
+        centre, spread = prior(self._quantities[k])
 
         def cost(theta: Real) -> tuple[float, Real]:
-            nugget = np.exp(2.0 * theta[6])
-            covariance = fixed + nugget * np.eye(len(residual))
+            nugget = self._nugget(k, theta, places, gate)[0]
+            covariance = fixed + np.diag(nugget)
             slopes = []
             coordinates = places.below, places.above
-            for process, place, share in zip(_kernels(theta, self.form.smoothness), coordinates, shares, strict=True):
+            for process, place, share in zip(kernels(theta, self.form.smoothness), coordinates, shares, strict=True):
                 part, slope = process(place, eval_gradient=True)
                 covariance = covariance + share * part
                 slopes.append((share, slope))
@@ -549,23 +556,24 @@ class Surrogate:
             value = 0.5 * (residual @ coefficient + np.linalg.slogdet(covariance)[1] + away @ away)
             sensitivity = 0.5 * (inverse - np.outer(coefficient, coefficient))
             gradient = [np.tensordot(sensitivity * share, slope, axes=2) for share, slope in slopes]
-            return float(value), np.concatenate([*gradient, [2.0 * nugget * np.trace(sensitivity)]]) + away / spread
+            return float(value), np.concatenate([*gradient, [2.0 * nugget @ np.diagonal(sensitivity)]]) + away / spread
 
         bounds = np.column_stack([centre - 4.0 * spread, centre + 4.0 * spread])
         found = minimize(cost, self._theta[k], jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
         return np.asarray(found.x)
 
-    def _given_edges(self, places: _Places) -> tuple[tuple[Real, Real], tuple[Real, Real]]:
+    def _given_edges(self, places: Places) -> tuple[tuple[Real, Real], tuple[Real, Real]]:
         """Means and variances given each probable edge, for eta (transformed) and m'; (edge, place)."""
         posterior = self._posterior
         points = self._places(self.frequency, self.intensity)
-        gate_points, gate = _gate(posterior.edges, points), _gate(posterior.edges, places)
+        gate_points, gate = gate_of(posterior.edges, points), gate_of(posterior.edges, places)
         means, variances = [], []
         for k in (0, 1):
-            cross = _gated(gate, gate_points, *self._regime_covariances(k, places, points))
+            cross = gated(gate, gate_points, *self._regime_covariances(k, places, points))
             below, above = self._processes(k)
             trend_below, trend_above = self._trends(k, places)
-            prior = (1.0 - gate) ** 2 * (below.diag(places.below) + (trend_below**2).sum(axis=0))
+            faded = self._fade(k, places) ** 2 * below.diag(places.below)
+            prior = (1.0 - gate) ** 2 * (faded + (trend_below**2).sum(axis=0))
             prior += gate**2 * (above.diag(places.above) + (trend_above**2).sum(axis=0))
             explained = np.einsum("cmn,cmn->cm", cross @ posterior.inverse[k], cross)
             means.append(self._mean(k, places, gate) + np.einsum("cmn,cn->cm", cross, posterior.coefficient[k]))
@@ -579,8 +587,8 @@ class Surrogate:
         points, between 0.5 and 9; a scaled inverse chi-square estimate.
         """
         left = self.leave_one_out()
-        gate = _gate(self._posterior.edges, self._places(self.frequency, self.intensity))
-        region = _regions(self._posterior.weight, gate)
+        gate = gate_of(self._posterior.edges, self._places(self.frequency, self.intensity))
+        region = regions(self._posterior.weight, gate)
         factors = []
         for residual, sd in (
             (left.loss_factor_residual, left.loss_factor_sd),
@@ -602,101 +610,9 @@ def _usable(points: xr.Dataset) -> tuple[Real, Real, Real, Real]:
     return f.ravel()[good], gamma.ravel()[good], values, np.where(np.isfinite(errors), errors, presumed)
 
 
-def _stroke(frequency: Real, intensity: Real) -> Real:
-    """Displacement amplitude X [m]."""
-    return np.asarray(intensity * STANDARD_GRAVITY / (2 * np.pi * frequency) ** 2)
-
-
 def _logged(eta: Real, offset: float) -> Real:
     """ln(eta + offset); a loss factor that noise has made negative counts as no less than -0.8 offset."""
     return np.asarray(np.log(np.maximum(eta + offset, 0.2 * offset)))
-
-
-def _presumed(form: Form) -> tuple[_Quantity, _Quantity]:
-    """Typical eta and m': 0.25 and 0.3 below the edge, 0.7 and 0.6 above; loosely held."""
-    if np.isfinite(form.offset):
-        below, above = np.log(np.array([0.25, 0.7]) + form.offset)
-        return _Quantity(0.4, float(below), float(above), 1.0, 1), _Quantity(0.2, 0.3, 0.6, 0.5, 2)
-    return _Quantity(0.2, 0.25, 0.7, 0.5, 1), _Quantity(0.2, 0.3, 0.6, 0.5, 2)
-
-
-def _prior(quantity: _Quantity) -> tuple[Real, Real]:
-    """Centre and spread of the normal prior of the hyperparameters.
-
-    These are logarithms of: variance and two lengths (in ln f, ln Gamma) below the edge, variance and two lengths (in
-    ln X, ln f) above, standard deviation of the nugget.
-    """
-    variance = 2.0 * np.log(quantity.amplitude)
-    centre = [variance, np.log(1.5), np.log(0.8), variance, np.log(0.8), np.log(2.0), np.log(0.01)]
-    return np.array(centre), np.array([1.5, 0.7, 0.7, 1.5, 0.7, 0.7, 1.0])
-
-
-def _kernels(theta: Real, smoothness: float) -> tuple[Any, Any]:
-    """Covariance functions below and above the edge."""
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
-
-    below = ConstantKernel(np.exp(theta[0])) * Matern(np.exp(theta[1:3]), nu=smoothness)
-    return below, ConstantKernel(np.exp(theta[3])) * Matern(np.exp(theta[4:6]), nu=smoothness)
-
-
-def _lattice(form: Form, free: Real | None) -> Real:
-    """Edges to weigh at first, the first of them none; (edge, 5). `free`: ln X of the points, if X_opt is unknown."""
-    none = np.array([[_NO_EDGE, 0.0, 0.0, 0.1, np.log(_NO_EDGE_PROBABILITY) if form.has_edge else 0.0]])
-    if not form.has_edge:
-        return none
-    low, high = (-_EDGE_LIMIT, _EDGE_LIMIT) if free is None else (float(free.min()), float(free.max()))
-    position = np.linspace(low, high, max(2, round((high - low) / _EDGE_STEP) + 1))
-    return np.concatenate([none, _edges(position, np.array(_SLOPES), (0.0,), _COARSE_WIDTHS, free is not None)])
-
-
-def _edges(
-    position: Real, slope: Real, curvatures: tuple[float, ...], widths: tuple[float, ...], is_free: bool
-) -> Real:
-    """All edges of a lattice with equally spaced positions and slopes, each with its log prior; (edge, 5).
-
-    Positions are normal about X_opt, or uniform if `is_free`; slopes are normal about 0, and curvatures and widths take
-    the given values only, curvatures with normal weights.
-    """
-    axes = np.meshgrid(position, slope, curvatures, widths, indexing="ij")
-    edges = np.column_stack([axis.ravel() for axis in axes])
-    bent = np.exp(-0.5 * (np.array(curvatures) / _CURVATURE_SPREAD) ** 2).sum() * len(widths)
-    log_prior = -0.5 * ((edges[:, 1] / _SLOPE_SPREAD) ** 2 + (edges[:, 2] / _CURVATURE_SPREAD) ** 2)
-    log_prior -= np.log(np.sqrt(2 * np.pi) * _SLOPE_SPREAD * bent)
-    if is_free:
-        log_prior -= np.log(2 * _EDGE_LIMIT)
-    else:
-        log_prior -= 0.5 * (edges[:, 0] / _EDGE_SPREAD) ** 2 + np.log(np.sqrt(2 * np.pi) * _EDGE_SPREAD)
-    cell = (position[1] - position[0]) * (slope[1] - slope[0])
-    return np.column_stack([edges, log_prior + np.log(cell)])
-
-
-def _threshold(edges: Real, frequency: Real) -> Real:
-    """ln(X / X_opt) of each edge, at ln(f / 100 Hz) of shape (..., 1)."""
-    return np.asarray(edges[:, 0] + (edges[:, 1] + edges[:, 2] * frequency) * frequency)
-
-
-def _gate(edges: Real, places: _Places) -> Real:
-    """Share of the regime above the edge; (edge, place)."""
-    distance = (places.stroke[:, None] - _threshold(edges, places.frequency[:, None])) / edges[:, 3]
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(distance.T, -40.0, 40.0))))
-
-
-def _gated(first: Real, second: Real, below: Real, above: Real) -> Real:
-    """Covariance of the gated sum of two independent processes; (edge, first place, second place)."""
-    both_below = (1.0 - first)[:, :, None] * (1.0 - second)[:, None, :]
-    return np.asarray(both_below * below + first[:, :, None] * second[:, None, :] * above)
-
-
-def _regions(weight: Real, gate: Real) -> Real:
-    """How far each place belongs below, at and above the edge; (region, place), sums to 1."""
-    share = weight @ gate
-    return np.asarray(np.stack([(1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2]), np.float64)
-
-
-def _probable(edges: Real, log_weight: Real, least: float, most: int | None = None) -> Real:
-    """Edges with at least this weight over that of the best, in descending order."""
-    order = np.argsort(-log_weight, kind="stable")[:most]
-    return np.asarray(edges[order[log_weight[order] > log_weight[order[0]] + np.log(least)]])
 
 
 def _mixture(mean: Real, variance: Real, weight: Real, offset: float | None) -> tuple[Real, Real]:
@@ -711,16 +627,3 @@ def _mixture(mean: Real, variance: Real, weight: Real, offset: float | None) -> 
         mean = mean - offset
     middle = (weight * mean).sum(axis=0)
     return middle, np.sqrt((weight * (variance + (mean - middle) ** 2)).sum(axis=0))
-
-
-@lru_cache(maxsize=8)
-def _theory_table(restitution: float) -> Real:
-    """ln(X / X_opt), eta and m' of collect and collide; (3, 600). Below the best stroke its values hold.
-
-    Above the range of the symmetric motion the plastic bed stands in, as theory.collect_and_collide says.
-    """
-    strokes = np.geomspace(stroke_ratio_best(restitution), 300.0, 600)
-    last = stroke_ratio_max(restitution)
-    points = [collect_and_collide(float(r), restitution if r <= last else 0.0) for r in strokes]
-    values = [[point.loss_factor, point.effective_mass_ratio] for point in points]
-    return np.asarray(np.vstack([np.log(strokes), np.array(values).T]))

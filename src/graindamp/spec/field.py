@@ -122,11 +122,14 @@ class AdaptivePlan(Spec):
     """Predicted standard error of eta and m' to reach everywhere, over the larger of eta and stop.floor [-], above 0
     and below 1."""
     start_frequencies: int = Field(default=5, ge=2, le=50)
-    """Frequencies of the coarse grid it starts from, 2 to 50."""
+    """Frequencies of the coarse staggered grid it starts from, 2 to 50."""
     start_intensities: int = Field(default=4, ge=2, le=50)
-    """Intensities of the coarse grid, 2 to 50."""
+    """Intensities at the first and every second frequency of the coarse grid, one fewer between them, 2 to 50."""
     max_points: int = Field(default=150, ge=4, le=MOST_POINTS)
     """Points after which it ends although the accuracy is not reached, >= 4."""
+    max_cost: Annotated[Number, Field(gt=0)] | None = None
+    """Cost in particle-steps after which it ends, over that of a grid of 28 frequencies and 15 intensities, as the
+    points so far let expect it [-], > 0; default: no limit."""
     max_seconds: Annotated[Number, Field(gt=0)] | None = None
     """Time after which no further points are begun [s], > 0; default: no limit."""
 
