@@ -42,7 +42,7 @@ def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, se
     def make() -> Ringing:
         damper, bed = setups.rows(n_row, clearance, seed=seed, restitution=restitution, softening=SOFTENING)
         case = setups.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
-        return ring(case, displacement, whole.mass)
+        return ring(case._replace(steps_per_contact=30), displacement, whole.mass)
 
     name = f"c4-{n_row}rows-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}"
     return kept(folder, name, make)

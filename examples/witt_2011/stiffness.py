@@ -1,6 +1,8 @@
-"""What softened contacts, the time step and the assumed constants do to one bed of configuration 5.
+"""What softened contacts, the time step and the assumed constants do to two beds of configuration 5.
 
-    python stiffness.py [--out FOLDER] [--run 15]
+One is thin and thrown hard (run 15 of Table 4.2), one deep and moved gently (run 34).
+
+    python stiffness.py [--out FOLDER] [--runs 15 34]
 
 Writes stiffness.png and prints the numbers; runs that are there already are not run again.
 """
@@ -8,7 +10,6 @@ Writes stiffness.png and prints the numbers; runs that are there already are not
 import argparse
 from pathlib import Path
 
-import numpy as np
 from configuration_5 import SOFTENING, run_of
 from decays import RATE, Ringing, curve
 from matplotlib.figure import Figure
@@ -33,42 +34,53 @@ def variants(folder: Path, number: int) -> dict[str, Ringing]:
     }
 
 
-def mean_damping(run: Ringing) -> list[float]:
-    """Psi_m over Gamma 3 to 4, 4 to 6 and 6 to 9 [-], means of the bins; NaN where the decay does not reach."""
+BANDS = ((0.4, 0.7), (0.7, 1.2), (1.2, 2.0), (2.0, 4.0), (4.0, 6.0), (6.0, 9.0))
+"""Ranges of Gamma over which Psi_m is averaged [-]."""
+
+
+def mean_damping(run: Ringing) -> dict[tuple[float, float], float]:
+    """Mean Psi_m of the bins in each of the bands that the decay crosses [-]."""
     one = curve("", [run])
-    found = []
-    for low, high in ((3.0, 4.0), (4.0, 6.0), (6.0, 9.0)):
-        inside = (one.intensity >= low) & (one.intensity < high)
-        found.append(float(one.damping[inside].mean()) if inside.any() else float("nan"))
-    return found
+    inside = {band: (one.intensity >= band[0]) & (one.intensity < band[1]) for band in BANDS}
+    return {band: float(one.damping[here].mean()) for band, here in inside.items() if here.any()}
 
 
-def drawn(found: dict[str, Ringing]) -> Figure:
-    """Psi_m over Gamma of every variant."""
-    figure = Figure(figsize=(6, 3.8), layout="constrained")
-    axes = figure.subplots()
-    for k, (name, run) in enumerate(found.items()):
-        one = curve("", [run])
-        axes.plot(one.intensity, one.damping, color=COLORS[k], marker="o", ms=3, lw=1.2, label=name)
-    axes.set(xlabel="Γ [-]", ylabel=r"$\Psi_m$ [-]", xlim=(0, 9), ylim=(0, 4))
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+def drawn(studies: dict[int, dict[str, Ringing]]) -> Figure:
+    """Psi_m over Gamma of every variant, a panel for each run."""
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    panels = figure.subplots(1, len(studies), sharey=True, squeeze=False)[0]
+    for axes, (number, found) in zip(panels, studies.items(), strict=True):
+        for k, (name, run) in enumerate(found.items()):
+            one = curve("", [run])
+            axes.plot(one.intensity, one.damping, color=COLORS[k], marker="o", ms=3, lw=1.2, label=name)
+        axes.set(xlabel="Γ [-]", ylim=(0, 4))
+        axes.set_title(f"run {number} of Table 4.2", fontsize=9)
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel(r"$\Psi_m$ [-]")
+    panels[0].legend(fontsize=8)
     return figure
+
+
+def tell(number: int, found: dict[str, Ringing]) -> None:
+    """Mean damping, overlap, residual and time of every variant, printed."""
+    for name, run in found.items():
+        values = ", ".join(f"{low:g}-{high:g}: {mean:.2f}" for (low, high), mean in mean_damping(run).items())
+        print(
+            f"run {number}, {name:18s} Psi_m at Gamma {values}; overlap {run.overlap:.2f} R, residual "
+            f"{run.residual:.1e}, time step {1e6 * run.time_step:.1f} us, {run.seconds:.0f} s",
+            flush=True,
+        )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
-    parser.add_argument("--run", type=int, default=15, help="number in Table 4.2")
+    parser.add_argument("--runs", type=int, nargs="+", default=[15, 34], help="numbers in Table 4.2")
     asked = parser.parse_args()
-    found = variants(asked.out, asked.run - 1)
-    for name, run in found.items():
-        values = ", ".join(f"{value:.2f}" for value in np.array(mean_damping(run)))
-        print(
-            f"{name:18s} Psi_m at Gamma 3-4, 4-6, 6-9: {values}; overlap {run.overlap:.2f} R, residual "
-            f"{run.residual:.1e}, time step {1e6 * run.time_step:.1f} us, {run.seconds:.0f} s"
-        )
-    print(save(drawn(found), asked.out / "stiffness.png"))
+    studies = {number: variants(asked.out, number - 1) for number in asked.runs}
+    for number, found in studies.items():
+        tell(number, found)
+    print(save(drawn(studies), asked.out / "stiffness.png"))
 
 
 if __name__ == "__main__":
