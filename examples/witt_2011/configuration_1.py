@@ -1,6 +1,6 @@
 """Configuration 1: one ball in one channel, over U and over U/d; co-simulated, and from event to event.
 
-    python configuration_1.py [--out FOLDER] [--seeds 3] [--no-run]
+    python configuration_1.py [--out FOLDER] [--seeds 3]
 
 Writes configuration-1*.png and prints the numbers; runs that are there already are not run again.
 """
@@ -16,6 +16,7 @@ import setups
 from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring, ringing_of_events
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from graindamp.couple.cosimulate import Carried
 from graindamp.impact.decay import free_decay
@@ -112,8 +113,16 @@ def over_amplitude(axes: Axes, family: Family, scaled: bool) -> None:
             axes.plot(displacement / (clearance if scaled else 1e-3), damping, label=label, **look)
     axes.set(xscale="log", ylim=(0, None), ylabel=PSI_LABEL, xlabel="α = U/d [-]" if scaled else "U [mm]")
     axes.grid(alpha=0.3)
+    plain_ticks(axes)
     if scaled:
         mark_phases(axes)
+
+
+def plain_ticks(axes: Axes) -> None:
+    """Numbers instead of powers on a logarithmic x axis."""
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def mark_phases(axes: Axes) -> None:
@@ -151,6 +160,7 @@ def means(cosimulated: Mapping[float, Family], events: Mapping[float, Family]) -
                 )
         axes.set(xscale="log", ylim=(0, 20), xlabel="α = U/d [-]", xlim=(0.03, 8))
         axes.grid(alpha=0.3)
+        plain_ticks(axes)
         mark_phases(axes)
         axes.legend(fontsize=8)
     panels[0].set(ylabel=PSI_LABEL, title="co-simulated, floor and friction 0.3")

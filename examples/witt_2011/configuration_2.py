@@ -12,7 +12,17 @@ from pathlib import Path
 from typing import Literal
 
 import setups
-from configuration_1 import DURATION, PSI_LABEL, SOFTENING, ball_run, collapses, curves_of, event_run, mark_phases
+from configuration_1 import (
+    DURATION,
+    PSI_LABEL,
+    SOFTENING,
+    ball_run,
+    collapses,
+    curves_of,
+    event_run,
+    mark_phases,
+    plain_ticks,
+)
 from decays import RATE, Ringing, kept, peak, ring, ringing_of_events
 from matplotlib.figure import Figure
 
@@ -104,6 +114,7 @@ def drawn(cosimulated: Tests, events: Tests) -> Figure:
                 )
         axes.set(xscale="log", ylim=(0, 14), xlabel="α = U/d [-]", xlim=(0.05, 6))
         axes.grid(alpha=0.3)
+        plain_ticks(axes)
         mark_phases(axes)
     panels[0].legend(fontsize=8)
     panels[0].set_ylabel(PSI_LABEL)

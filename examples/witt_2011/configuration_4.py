@@ -1,8 +1,8 @@
 """Configuration 4: one layer of one to four rows of nine balls, over U/d.
 
-    python configuration_4.py [--out FOLDER] [--seeds 1] [--restitution 0.6] [--no-run]
+    python configuration_4.py [--out FOLDER] [--seeds 1] [--restitution 0.6]
 
-Writes configuration-4.png and prints the numbers; runs that are there already are not run again.
+Writes configuration-4*.png and prints the numbers; runs that are there already are not run again.
 """
 
 import argparse
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import setups
-from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases
+from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases, plain_ticks
 from decays import RATE, Ringing, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
 
@@ -87,9 +87,10 @@ def drawn(found: Mapping[int, Family]) -> Figure:
             look = {"marker": MARKERS[k], "color": COLORS[k + 4], "ls": "none", "ms": 3, "mew": 0}
             panels[2].plot(displacement / clearance, damping, label=label, **look)
     for axes, title in zip(panels, ("d from 4 mm on", "d = 1.22 and 2.25 mm", "two rows, by d"), strict=True):
-        axes.set(xscale="log", ylim=(0, 12), xlabel="α = U/d [-]")
+        axes.set(xscale="log", ylim=(0, 18), xlim=(0.04, 10), xlabel="α = U/d [-]")
         axes.set_title(title, fontsize=9)
         axes.grid(alpha=0.3)
+        plain_ticks(axes)
         mark_phases(axes)
         axes.legend(fontsize=8, markerscale=2.5)
     panels[0].set_ylabel(PSI_LABEL)
@@ -127,7 +128,8 @@ def main() -> None:
     found = {n_row: family_of(asked.out, n_row, asked.seeds, asked.restitution) for n_row in (1, 2, 3, 4)}
     for n_row, family in found.items():
         tell(n_row, family)
-    print(save(drawn(found), asked.out / "configuration-4.png"))
+    suffix = "" if asked.restitution == setups.STEEL_RESTITUTION else f"-e{asked.restitution:g}"
+    print(save(drawn(found), asked.out / f"configuration-4{suffix}.png"))
 
 
 if __name__ == "__main__":

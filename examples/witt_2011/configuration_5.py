@@ -133,13 +133,13 @@ def tell(length: float, beds: Beds) -> None:
     curves = curves_of(beds)
     for height, one in curves.items():
         top, runs = peak(one), beds[height]
-        high = np.interp([1.0, 2.0, 4.0], one.intensity, one.damping)
+        damping = np.interp([1.0, 2.0, 4.0], one.intensity, one.damping, left=np.nan, right=np.nan)
         print(
             f"l_e {1e3 * length:.2f}, h_p {1e3 * setups.BED_HEIGHTS[height]:5.2f} mm (here "
             f"{1e3 * runs[0].bed_height:5.2f}), mu {runs[0].mass_ratio:.3f}, {len(runs)} runs: peak Psi_m "
             f"{top.damping:.2f} +- {top.error:.2f} at Gamma {one.intensity[top.place]:.2f}, beta "
             f"{one.intensity[top.place] * beta_over_intensity(height):.2f}; at Gamma 1, 2, 4: "
-            + ", ".join(f"{value:.2f}" for value in high)
+            + ", ".join(f"{value:.2f}" for value in damping)
             + f"; {one.frequency.min():.1f} to {one.frequency.max():.1f} Hz"
         )
     if len(curves) > 1:
