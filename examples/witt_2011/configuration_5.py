@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import setups
+from configuration_1 import PSI_LABEL, plain_ticks
 from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
 
 from graindamp.couple.cosimulate import Carried
 from graindamp.design.layers import beta
 from graindamp.errors import InputError
-from graindamp.report.figures import COLORS, MARKERS, save
+from graindamp.report.figures import COLORS, save
 from graindamp.signals.collapse import Collapse, collapse
 
 STEPS_PER_CONTACT = 20
@@ -69,6 +70,9 @@ def run_of(
     return kept(folder, f"c5-{number + 1:02d}-s{seed}-softening-{softening:g}{changed}", make)
 
 
+SHAPES = {1e-3: "^", 2.5e-3: "o", 5e-3: "s"}
+"""Marker of every initial displacement [m]."""
+
 Beds = Mapping[int, list[Ringing]]
 """Runs by number of the bed's height, 0 to 3; those of all displacements and seeds."""
 
@@ -105,26 +109,33 @@ def collapse_over(curves: Sequence[tuple[int, Curve]], power: float) -> Collapse
 
 
 def drawn(found: Mapping[float, Beds]) -> Figure:
-    """Psi_m of every cycle over Gamma and over beta for the three lengths: a colour for each height, a marker
-    for each initial displacement."""
-    figure = Figure(figsize=(11, 6.6), layout="constrained")
-    panels = figure.subplots(2, 3, sharey=True)
+    """Psi_m of every cycle over Gamma and over beta, linear and logarithmic, for the three lengths: a colour for each
+    height, a marker for each initial displacement."""
+    figure = Figure(figsize=(11, 9.4), layout="constrained")
+    panels = figure.subplots(3, 3, sharey=True)
     for column, (length, beds) in enumerate(found.items()):
         for height, runs in beds.items():
             for number, run in enumerate(runs):
                 _, intensity, damping = cycles_of(run)
-                marker = MARKERS[[1e-3, 2.5e-3, 5e-3].index(run.displacement)]
-                look = {"marker": marker, "color": COLORS[height], "ls": "none", "ms": 3.5, "mew": 0, "alpha": 0.7}
+                look = {"marker": SHAPES[run.displacement], "color": COLORS[height], "ls": "none", "ms": 3.5, "mew": 0}
                 label = f"h_p = {1e3 * setups.BED_HEIGHTS[height]:.2f} mm" if number == 0 else None
                 panels[0, column].plot(intensity, damping, label=label, **look)
-                panels[1, column].plot(intensity * beta_over_intensity(height), damping, **look)
-        for row, (name, limit) in enumerate((("Γ [-]", 9), ("β [-]", 20))):
-            panels[row, column].set(xlim=(0, limit), ylim=(0, 4), xlabel=name)
-            panels[row, column].grid(alpha=0.3)
+                for row in (1, 2):
+                    panels[row, column].plot(intensity * beta_over_intensity(height), damping, **look)
+        panels[0, column].set(xlim=(0, 9), xlabel="Γ [-]")
+        panels[1, column].set(xlim=(0, 20), xlabel="β [-]")
+        panels[2, column].set(xscale="log", xlim=(0.02, 25), xlabel="β [-]")
+        plain_ticks(panels[2, column])
         panels[0, column].set_title(f"l_e = {1e3 * length:.2f} mm", fontsize=9)
-    for row in range(2):
-        panels[row, 0].set_ylabel(r"$\Psi_m$ [-]")
-    panels[0, 0].legend(fontsize=8, markerscale=1.5)
+    for axes in panels.flat:
+        axes.set_ylim(0, 4)
+        axes.grid(alpha=0.3)
+    for axes in panels[:, 0]:
+        axes.set_ylabel(PSI_LABEL)
+    for displacement, shape in SHAPES.items():
+        panels[1, 0].plot([], [], shape, color="black", ms=3.5, mew=0, label=f"U0 = {1e3 * displacement:g} mm")
+    for axes in panels[:2, 0]:
+        axes.legend(fontsize=8, markerscale=1.5)
     return figure
 
 
