@@ -17,7 +17,7 @@ from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
 
 from graindamp.couple.cosimulate import Carried
-from graindamp.design.layers import beta
+from graindamp.design.layers import beta, critical_intensity
 from graindamp.errors import InputError
 from graindamp.report.figures import COLORS, save
 from graindamp.signals.collapse import Collapse, collapse
@@ -99,11 +99,16 @@ def curves_of(beds: Beds) -> dict[int, Curve]:
     return {height: curve(f"{1e3 * setups.BED_HEIGHTS[height]:.2f} mm", runs) for height, runs in beds.items()}
 
 
-def collapse_over(curves: Sequence[tuple[int, Curve]], power: float) -> Collapse:
-    """Scatter about a common curve over Gamma (beta / Gamma)^power: Gamma for 0, beta for 1; NaN where none meet."""
-    x = [one.intensity * beta_over_intensity(height) ** power for height, one in curves]
+def collapse_over(curves: Sequence[tuple[int, Curve]], power: float, least: float = 0.0) -> Collapse:
+    """Scatter about a common curve over Gamma (beta / Gamma)^power, Gamma for 0 and beta for 1, of the points whose
+    Gamma is above the least; NaN where no two curves meet."""
+    x, y = [], []
+    for height, one in curves:
+        above = one.intensity > least
+        x.append(one.intensity[above] * beta_over_intensity(height) ** power)
+        y.append(one.damping[above])
     try:
-        return collapse(x, [one.damping for _, one in curves])
+        return collapse(x, y)
     except InputError:
         return Collapse(np.nan, np.nan, 0, sum(len(one) for one in x))
 
@@ -158,16 +163,19 @@ def tell(length: float, beds: Beds) -> None:
 
 
 def tell_collapse(name: str, curves: Sequence[tuple[int, Curve]]) -> None:
-    """Scatter over Gamma, over beta, and over the power between or beyond them that has the least, printed."""
-    over_gamma, over_beta = collapse_over(curves, 0.0), collapse_over(curves, 1.0)
-    powers = np.arange(-0.5, 1.51, 0.05)
-    least = [collapse_over(curves, float(power)).unexplained for power in powers]
-    best = float(powers[int(np.nanargmin(least))])
-    print(
-        f"{name}: scatter {over_gamma.scatter:.2f} over Gamma ({over_gamma.unexplained:.2f} unexplained, "
-        f"{over_gamma.n_point} points), {over_beta.scatter:.2f} over beta ({over_beta.unexplained:.2f}, "
-        f"{over_beta.n_point}); least over Gamma (beta/Gamma)^{best:.2f} ({np.nanmin(least):.2f})"
-    )
+    """Scatter over Gamma, over beta, and over the power between or beyond them that has the least, printed; of all
+    points, and of those above the intensity at which the top layer begins to roll (Eq. 4.3)."""
+    for least in (0.0, critical_intensity()):
+        over_gamma, over_beta = collapse_over(curves, 0.0, least), collapse_over(curves, 1.0, least)
+        powers = np.arange(-0.5, 1.51, 0.05)
+        unexplained = [collapse_over(curves, float(power), least).unexplained for power in powers]
+        best = float(powers[int(np.nanargmin(unexplained))])
+        print(
+            f"{name}, Gamma > {least:.2f}: scatter {over_gamma.scatter:.2f} over Gamma "
+            f"({over_gamma.unexplained:.2f} unexplained, {over_gamma.n_point} points), {over_beta.scatter:.2f} over "
+            f"beta ({over_beta.unexplained:.2f}, {over_beta.n_point}); least over Gamma (beta/Gamma)^{best:.2f} "
+            f"({np.nanmin(unexplained):.2f})"
+        )
 
 
 def tell_displacements(beds: Beds) -> None:
