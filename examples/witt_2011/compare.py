@@ -6,7 +6,7 @@ Prints both damping capacities and how far they lie apart.
 """
 
 import numpy as np
-import setups
+import witt_dampers
 from decays import RATE
 
 from graindamp.couple.cosimulate import Carried, cosimulate
@@ -21,20 +21,20 @@ CLEARANCE, DISPLACEMENT, RESTITUTION = 14.88e-3, 8e-3, 0.3
 
 def both(duration: float = 0.6) -> tuple[np.ndarray, np.ndarray]:
     """U [m] and Psi_m [-] of the cycles of the event-driven and of the co-simulated decay; shape (2, cycle) each."""
-    whole = setups.structure(setups.INSERT_MASS[CLEARANCE])
-    damper, bed = setups.channel(CLEARANCE, DISPLACEMENT, restitution=RESTITUTION, friction=0.0)
+    whole = witt_dampers.structure(witt_dampers.INSERT_MASS[CLEARANCE])
+    damper, bed = witt_dampers.channel(CLEARANCE, DISPLACEMENT, restitution=RESTITUTION, friction=0.0)
     damper = damper.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
-    case = setups.decay_case(whole, (Carried(damper, "tip", packing=bed),), DISPLACEMENT, duration, 10.0 * RATE)
+    case = witt_dampers.decay_case(whole, (Carried(damper, "tip", packing=bed),), DISPLACEMENT, duration, 10.0 * RATE)
     run = cosimulate(case)
     assert np.abs(run.residual).max() < 1e-3
     cycles = analyze_decay(DecayRecord(run.velocity("tip"), "velocity", 10.0 * RATE)).cycles
-    system = on_structure(whole.model, [setups.ball(CLEARANCE, RESTITUTION)])
+    system = on_structure(whole.model, [witt_dampers.ball(CLEARANCE, RESTITUTION)])
     events = free_decay(system, DISPLACEMENT, cycles_max=duration * whole.mode.frequency, sample_rate=10.0 * RATE)
     exact = analyze_decay(DecayRecord(events.v @ whole.model.shape[1], "velocity", 10.0 * RATE)).cycles
     n = min(len(cycles.psi), len(exact.psi), len(damping_per_cycle(system, events).amplitude))
-    ratio = setups.BALL_MASS / whole.mass
+    ratio = witt_dampers.BALL_MASS / whole.mass
     displacement = np.array([exact.displacement[:n], cycles.displacement[:n]])
-    damping = [mass_normalised(one.psi[:n] - setups.INTRINSIC, ratio) for one in (exact, cycles)]
+    damping = [mass_normalised(one.psi[:n] - witt_dampers.INTRINSIC, ratio) for one in (exact, cycles)]
     return displacement, np.array(damping)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import setups
+import witt_dampers
 from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring, ringing_of_events
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -44,11 +44,13 @@ Family = Mapping[float, Sequence[Ringing]]
 
 def ball_run(folder: Path, clearance: float, displacement: float, seed: int, restitution: float) -> Ringing:
     """One co-simulated decay: clearance and initial displacement [m], seed of the ball's place, restitution [-]."""
-    whole = setups.structure(setups.INSERT_MASS[clearance])
+    whole = witt_dampers.structure(witt_dampers.INSERT_MASS[clearance])
 
     def make() -> Ringing:
-        damper, bed = setups.channel(clearance, displacement, seed=seed, restitution=restitution, softening=SOFTENING)
-        case = setups.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
+        damper, bed = witt_dampers.channel(
+            clearance, displacement, seed=seed, restitution=restitution, softening=SOFTENING
+        )
+        case = witt_dampers.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
         return ring(case, displacement, whole.mass)
 
     return kept(folder, f"c1-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}", make)
@@ -56,14 +58,14 @@ def ball_run(folder: Path, clearance: float, displacement: float, seed: int, res
 
 def event_run(folder: Path, clearance: float, displacement: float, restitution: float) -> Ringing:
     """The same from event to event, with an effective restitution R [-] in place of floor, friction and gravity."""
-    whole = setups.structure(setups.INSERT_MASS[clearance])
+    whole = witt_dampers.structure(witt_dampers.INSERT_MASS[clearance])
 
     def make() -> Ringing:
-        system = on_structure(whole.model, [setups.ball(clearance, restitution)])
+        system = on_structure(whole.model, [witt_dampers.ball(clearance, restitution)])
         begun = time.perf_counter()
         run = free_decay(system, displacement, cycles_max=DURATION * whole.mode.frequency, sample_rate=RATE)
         spent = time.perf_counter() - begun
-        return ringing_of_events(run, whole.model.shape[1], displacement, setups.BALL_MASS / whole.mass, spent)
+        return ringing_of_events(run, whole.model.shape[1], displacement, witt_dampers.BALL_MASS / whole.mass, spent)
 
     return kept(folder, f"c1-d{1e3 * clearance:g}-u{1e3 * displacement:g}-R{restitution:g}", make)
 
@@ -72,8 +74,8 @@ def families(folder: Path, seeds: int) -> tuple[dict[float, Family], dict[float,
     """All tests by restitution: co-simulated, and from event to event."""
 
     def by_clearance(restitution: float, events: bool) -> Family:
-        found: dict[float, list[Ringing]] = {clearance: [] for clearance in setups.INSERT_MASS}
-        for clearance, displacement in setups.SINGLE_BALL:
+        found: dict[float, list[Ringing]] = {clearance: [] for clearance in witt_dampers.INSERT_MASS}
+        for clearance, displacement in witt_dampers.SINGLE_BALL:
             if events:
                 found[clearance].append(event_run(folder, clearance, displacement, restitution))
                 continue

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-import setups
+import witt_dampers
 from configuration_1 import (
     DURATION,
     PSI_LABEL,
@@ -42,33 +42,35 @@ Arrangement = Literal["along", "abreast"]
 
 def balls_run(folder: Path, clearance: float, arrangement: Arrangement, seed: int, restitution: float) -> Ringing:
     """Three balls co-simulated; clearance [m], seed of the balls' places, restitution [-]."""
-    whole = setups.structure(setups.INSERT_MASS[clearance])
+    whole = witt_dampers.structure(witt_dampers.INSERT_MASS[clearance])
 
     def make() -> Ringing:
         carried = []
         for number, point in enumerate(PLACES[arrangement]):
             # Abreast and without a shift the three move as one.
             place = 3 * seed + number if seed else 0
-            damper, bed = setups.channel(
+            damper, bed = witt_dampers.channel(
                 clearance, DISPLACEMENT, seed=place, restitution=restitution, softening=SOFTENING
             )
             carried.append(Carried(damper, point, packing=bed))
-        return ring(setups.decay_case(whole, tuple(carried), DISPLACEMENT, DURATION, RATE), DISPLACEMENT, whole.mass)
+        return ring(
+            witt_dampers.decay_case(whole, tuple(carried), DISPLACEMENT, DURATION, RATE), DISPLACEMENT, whole.mass
+        )
 
     return kept(folder, f"c2-{arrangement}-d{1e3 * clearance:g}-e{restitution:g}-s{seed}", make)
 
 
 def balls_events(folder: Path, clearance: float, arrangement: Arrangement, restitution: float) -> Ringing:
     """The same from event to event, with an effective restitution R [-]."""
-    whole = setups.structure(setups.INSERT_MASS[clearance])
+    whole = witt_dampers.structure(witt_dampers.INSERT_MASS[clearance])
 
     def make() -> Ringing:
         system = on_structure(
-            whole.model, [setups.ball(clearance, restitution, point) for point in PLACES[arrangement]]
+            whole.model, [witt_dampers.ball(clearance, restitution, point) for point in PLACES[arrangement]]
         )
         begun = time.perf_counter()
         run = free_decay(system, DISPLACEMENT, cycles_max=DURATION * whole.mode.frequency, sample_rate=RATE)
-        ratio = 3 * setups.BALL_MASS / whole.mass
+        ratio = 3 * witt_dampers.BALL_MASS / whole.mass
         return ringing_of_events(run, whole.model.shape[1], DISPLACEMENT, ratio, time.perf_counter() - begun)
 
     return kept(folder, f"c2-{arrangement}-d{1e3 * clearance:g}-R{restitution:g}", make)
@@ -83,7 +85,7 @@ def tests_of(folder: Path, seeds: int, restitution: float, events: bool) -> Test
     found: dict[str, dict[float, list[Ringing]]] = {}
     for name in ("one ball", "along", "abreast"):
         found[name] = {}
-        for clearance in setups.INSERT_MASS:
+        for clearance in witt_dampers.INSERT_MASS:
             if name == "one ball" and events:
                 runs = [event_run(folder, clearance, DISPLACEMENT, restitution)]
             elif name == "one ball":

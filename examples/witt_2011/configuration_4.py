@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-import setups
+import witt_dampers
 from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases, plain_ticks
 from decays import RATE, Ringing, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
@@ -32,16 +32,16 @@ Family = Mapping[float, list[Ringing]]
 
 def possible(n_row: int, clearance: float) -> bool:
     """Whether the cavity is at most as long as the enclosure allows; four rows with 19.74 mm are not."""
-    return n_row * setups.ROW_BALL + clearance <= 35.15e-3
+    return n_row * witt_dampers.ROW_BALL + clearance <= 35.15e-3
 
 
 def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, seed: int, restitution: float) -> Ringing:
     """One decay; clearance and initial displacement [m], seed of the balls' places, restitution [-]."""
-    whole = setups.structure()
+    whole = witt_dampers.structure()
 
     def make() -> Ringing:
-        damper, bed = setups.rows(n_row, clearance, seed=seed, restitution=restitution, softening=SOFTENING)
-        case = setups.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
+        damper, bed = witt_dampers.rows(n_row, clearance, seed=seed, restitution=restitution, softening=SOFTENING)
+        case = witt_dampers.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
         return ring(case._replace(steps_per_contact=30), displacement, whole.mass)
 
     name = f"c4-{n_row}rows-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}"
@@ -56,7 +56,7 @@ def family_of(folder: Path, n_row: int, seeds: int, restitution: float) -> Famil
             for seed in range(seeds)
             for displacement in DISPLACEMENTS
         ]
-        for clearance in setups.ROW_CLEARANCES
+        for clearance in witt_dampers.ROW_CLEARANCES
         if possible(n_row, clearance)
     }
 
@@ -123,12 +123,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
     parser.add_argument("--seeds", type=int, default=1, help="places of the balls at the start")
-    parser.add_argument("--restitution", type=float, default=setups.STEEL_RESTITUTION)
+    parser.add_argument("--restitution", type=float, default=witt_dampers.STEEL_RESTITUTION)
     asked = parser.parse_args()
     found = {n_row: family_of(asked.out, n_row, asked.seeds, asked.restitution) for n_row in (1, 2, 3, 4)}
     for n_row, family in found.items():
         tell(n_row, family)
-    suffix = "" if asked.restitution == setups.STEEL_RESTITUTION else f"-e{asked.restitution:g}"
+    suffix = "" if asked.restitution == witt_dampers.STEEL_RESTITUTION else f"-e{asked.restitution:g}"
     print(save(drawn(found), asked.out / f"configuration-4{suffix}.png"))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import setups
+import witt_dampers
 from configuration_1 import PSI_LABEL, plain_ticks
 from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
@@ -52,16 +52,16 @@ def run_of(
     duration: float | None = None,
     **options: float,
 ) -> Ringing:
-    """Run `number` of Table 4.2, from 0, for a time [s] or :func:`duration_of`; options of :func:`setups.layers`."""
-    length, height, displacement = setups.LAYERS[number]
-    whole = setups.structure()
-    ratio = setups.COUNTS[length][height] * setups.SHOT_MASS / whole.mass
+    """Run `number` of Table 4.2, from 0, for a time [s] or :func:`duration_of`; options as for the damper."""
+    length, height, displacement = witt_dampers.LAYERS[number]
+    whole = witt_dampers.structure()
+    ratio = witt_dampers.COUNTS[length][height] * witt_dampers.SHOT_MASS / whole.mass
 
     def make() -> Ringing:
-        damper = setups.layers(length, height, seed=seed, softening=softening, **options)
-        carried = Carried(damper, "tip", packing=setups.poured(damper))
+        damper = witt_dampers.layers(length, height, seed=seed, softening=softening, **options)
+        carried = Carried(damper, "tip", packing=witt_dampers.poured(damper))
         time_of = duration or duration_of(ratio, displacement)
-        case = setups.decay_case(whole, (carried,), displacement, time_of, RATE)
+        case = witt_dampers.decay_case(whole, (carried,), displacement, time_of, RATE)
         return ring(case._replace(steps_per_contact=steps), displacement, whole.mass)
 
     changed = "".join(f"-{name}-{value:g}" for name, value in options.items())
@@ -80,7 +80,7 @@ Beds = Mapping[int, list[Ringing]]
 def there(folder: Path, length: float, seeds: int, softening: float) -> Beds:
     """Runs of a cavity of length l_e [m] that are in the folder."""
     found: dict[int, list[Ringing]] = {}
-    for number, (one, height, _) in enumerate(setups.LAYERS):
+    for number, (one, height, _) in enumerate(witt_dampers.LAYERS):
         for seed in range(seeds):
             name = f"c5-{number + 1:02d}-s{seed}-softening-{softening:g}"
             if one == length and (folder / f"{name}.npz").is_file():
@@ -90,13 +90,13 @@ def there(folder: Path, length: float, seeds: int, softening: float) -> Beds:
 
 def beta_over_intensity(height: int) -> float:
     """beta / Gamma of a bed of the stated height [-], from Eq. 4.4."""
-    rule = beta(1e-3, 20.0, setups.SHOT, setups.BED_HEIGHTS[height], setups.CAVITY_HEIGHT)
+    rule = beta(1e-3, 20.0, witt_dampers.SHOT, witt_dampers.BED_HEIGHTS[height], witt_dampers.CAVITY_HEIGHT)
     return rule.beta / rule.intensity
 
 
 def curves_of(beds: Beds) -> dict[int, Curve]:
     """Mean curve of every height of the bed."""
-    return {height: curve(f"{1e3 * setups.BED_HEIGHTS[height]:.2f} mm", runs) for height, runs in beds.items()}
+    return {height: curve(f"{1e3 * witt_dampers.BED_HEIGHTS[height]:.2f} mm", runs) for height, runs in beds.items()}
 
 
 def collapse_over(curves: Sequence[tuple[int, Curve]], power: float, least: float = 0.0) -> Collapse:
@@ -123,7 +123,7 @@ def drawn(found: Mapping[float, Beds]) -> Figure:
             for number, run in enumerate(runs):
                 _, intensity, damping = cycles_of(run)
                 look = {"marker": SHAPES[run.displacement], "color": COLORS[height], "ls": "none", "ms": 3.5, "mew": 0}
-                label = f"h_p = {1e3 * setups.BED_HEIGHTS[height]:.2f} mm" if number == 0 else None
+                label = f"h_p = {1e3 * witt_dampers.BED_HEIGHTS[height]:.2f} mm" if number == 0 else None
                 panels[0, column].plot(intensity, damping, label=label, **look)
                 for row in (1, 2):
                     panels[row, column].plot(intensity * beta_over_intensity(height), damping, **look)
@@ -151,7 +151,7 @@ def tell(length: float, beds: Beds) -> None:
         top, runs = peak(one), beds[height]
         damping = np.interp([1.0, 2.0, 4.0], one.intensity, one.damping, left=np.nan, right=np.nan)
         print(
-            f"l_e {1e3 * length:.2f}, h_p {1e3 * setups.BED_HEIGHTS[height]:5.2f} mm (here "
+            f"l_e {1e3 * length:.2f}, h_p {1e3 * witt_dampers.BED_HEIGHTS[height]:5.2f} mm (here "
             f"{1e3 * runs[0].bed_height:5.2f}), mu {runs[0].mass_ratio:.3f}, {len(runs)} runs: peak Psi_m "
             f"{top.damping:.2f} +- {top.error:.2f} at Gamma {one.intensity[top.place]:.2f}, beta "
             f"{one.intensity[top.place] * beta_over_intensity(height):.2f}; at Gamma 1, 2, 4: "
@@ -186,8 +186,8 @@ def tell_displacements(beds: Beds) -> None:
         singles = [curve("", [run]) for run in runs]
         found = collapse([one.intensity for one in singles], [one.damping for one in singles])
         print(
-            f"  h_p {1e3 * setups.BED_HEIGHTS[height]:5.2f} mm, single decays over Gamma: scatter {found.scatter:.2f} "
-            f"({found.n_point} points)"
+            f"  h_p {1e3 * witt_dampers.BED_HEIGHTS[height]:5.2f} mm, single decays over Gamma: scatter "
+            f"{found.scatter:.2f} ({found.n_point} points)"
         )
 
 
@@ -216,7 +216,7 @@ def main() -> None:
     numbers = [number - 1 for number in asked.runs] if asked.runs else ORDER
     if not asked.no_run:
         run_all(asked.out, asked.seeds, asked.softening, numbers)
-    found = {length: there(asked.out, length, asked.seeds, asked.softening) for length in setups.LENGTHS}
+    found = {length: there(asked.out, length, asked.seeds, asked.softening) for length in witt_dampers.LENGTHS}
     for length, beds in found.items():
         tell(length, beds)
         tell_displacements(beds)

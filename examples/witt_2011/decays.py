@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from setups import INTRINSIC
+from witt_dampers import INTRINSIC
 
 from graindamp.couple.cosimulate import Case, CoRun, cosimulate
 from graindamp.errors import InputError

@@ -16,15 +16,13 @@ FOLDER = Path(__file__).parents[2] / "examples" / "witt_2011"
 def _scripts(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
     monkeypatch.setenv("GRAINDAMP_CACHE", str(tmp_path / "cache"))
-    for name in ("setups", "decays", "configuration_1", "configuration_4", "configuration_5", "compare"):
-        monkeypatch.delitem(__import__("sys").modules, name, raising=False)
 
 
 @pytest.fixture
 def setups():
-    import setups
+    import witt_dampers
 
-    return setups
+    return witt_dampers
 
 
 @pytest.mark.parametrize(
@@ -88,7 +86,7 @@ def test_tiny_decays_run_and_are_kept(setups, tmp_path):
     assert run.residual < 1e-3
     displacement, intensity, damping = cycles_of(run)
     assert displacement[0] == pytest.approx(6e-3, rel=0.05)  # the ball that rides along, and V over a mean omega
-    assert intensity[0] == pytest.approx(displacement[0] * (2 * np.pi * 20.7) ** 2 / 9.81, rel=0.01)  # 0.5 % of f
+    assert intensity[0] == pytest.approx(displacement[0] * (2 * np.pi * 20.7) ** 2 / 9.81, rel=0.05)  # 2 % of f
     assert (damping > 0).all()
     assert peak(curve("one", [run])).damping > 1.0
 
