@@ -1,0 +1,136 @@
+"""Configuration 4: one layer of one to four rows of nine balls, over U/d.
+
+    python configuration_4.py [--out FOLDER] [--seeds 1] [--restitution 0.6]
+
+Writes configuration-4*.png and prints the numbers; runs that are there already are not run again.
+"""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+import witt_dampers
+from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases, plain_ticks
+from decays import RATE, Ringing, cycles_of, kept, peak, ring
+from matplotlib.figure import Figure
+
+from graindamp.couple.cosimulate import Carried
+from graindamp.report.figures import COLORS, MARKERS, save
+
+SOFTENING = 100.0
+"""Divisor of the stiffness of all contacts [-]."""
+
+DISPLACEMENTS = (2e-3, 6e-3, 10e-3)
+"""Initial displacements U0 that are run, of the six from 1 to 10 mm [m]; about 25 tests per number of rows."""
+
+DURATION = 1.0
+"""Time that a decay is followed for [s]."""
+
+Family = Mapping[float, list[Ringing]]
+"""Runs by clearance [m]."""
+
+
+def possible(n_row: int, clearance: float) -> bool:
+    """Whether the cavity is at most as long as the enclosure allows; four rows with 19.74 mm are not."""
+    return n_row * witt_dampers.ROW_BALL + clearance <= 35.15e-3
+
+
+def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, seed: int, restitution: float) -> Ringing:
+    """One decay; clearance and initial displacement [m], seed of the balls' places, restitution [-]."""
+    whole = witt_dampers.structure()
+
+    def make() -> Ringing:
+        damper, bed = witt_dampers.rows(n_row, clearance, seed=seed, restitution=restitution, softening=SOFTENING)
+        case = witt_dampers.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
+        return ring(case._replace(steps_per_contact=30), displacement, whole.mass)
+
+    name = f"c4-{n_row}rows-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}"
+    return kept(folder, name, make)
+
+
+def family_of(folder: Path, n_row: int, seeds: int, restitution: float) -> Family:
+    """All tests with a number of rows."""
+    return {
+        clearance: [
+            rows_run(folder, n_row, clearance, displacement, seed, restitution)
+            for seed in range(seeds)
+            for displacement in DISPLACEMENTS
+        ]
+        for clearance in witt_dampers.ROW_CLEARANCES
+        if possible(n_row, clearance)
+    }
+
+
+def wide(family: Family) -> Family:
+    """The tests whose clearance is at least about a diameter: those of Fig. 4.16a."""
+    return {clearance: runs for clearance, runs in family.items() if clearance > 3.9e-3}
+
+
+def drawn(found: Mapping[int, Family]) -> Figure:
+    """Psi_m of every cycle over U/d: wide clearances, narrow ones, and narrow ones of two rows by clearance."""
+    figure = Figure(figsize=(11, 3.8), layout="constrained")
+    panels = figure.subplots(1, 3, sharey=True)
+    for k, (n_row, family) in enumerate(found.items()):
+        chosen = wide(family)
+        for axes, tests in ((panels[0], chosen), (panels[1], {d: r for d, r in family.items() if d not in chosen})):
+            label = f"{n_row} row" + "s" * (n_row > 1)
+            for clearance, runs in tests.items():
+                for run in runs:
+                    displacement, _, damping = cycles_of(run)
+                    look = {"marker": MARKERS[k], "color": COLORS[k], "ls": "none", "ms": 2.5, "mew": 0, "alpha": 0.5}
+                    axes.plot(displacement / clearance, damping, label=label, **look)
+                    label = ""
+    for k, clearance in enumerate((1.22e-3, 2.25e-3)):
+        for number, run in enumerate(found.get(2, {}).get(clearance, [])):
+            displacement, _, damping = cycles_of(run)
+            label = f"d = {1e3 * clearance:.2f} mm" if number == 0 else ""
+            look = {"marker": MARKERS[k], "color": COLORS[k + 4], "ls": "none", "ms": 3, "mew": 0}
+            panels[2].plot(displacement / clearance, damping, label=label, **look)
+    for axes, title in zip(panels, ("d from 4 mm on", "d = 1.22 and 2.25 mm", "two rows, by d"), strict=True):
+        axes.set(xscale="log", ylim=(0, 18), xlim=(0.04, 10), xlabel="α = U/d [-]")
+        axes.set_title(title, fontsize=9)
+        axes.grid(alpha=0.3)
+        plain_ticks(axes)
+        mark_phases(axes)
+        axes.legend(fontsize=8, markerscale=2.5)
+    panels[0].set_ylabel(PSI_LABEL)
+    return figure
+
+
+def tell(n_row: int, family: Family) -> None:
+    """Peak of the mean over all wide clearances and the collapses, printed."""
+    for name, tests in (("d >= 4 mm", wide(family)), ("d < D", {d: family[d] for d in (1.22e-3, 2.25e-3)})):
+        curves = curves_of(tests)
+        tops = {d: peak(one) for d, one in curves.items()}
+        best = [one.displacement[tops[d].place] / d for d, one in curves.items()]
+        values = [top.damping for top in tops.values()]
+        mean = sum(values) / len(values)
+        error = (sum((value - mean) ** 2 for value in values) / max(len(values) - 1, 1) / len(values)) ** 0.5
+        before, after = collapses(curves)
+        print(
+            f"{n_row} rows, {name}: peak Psi_m {mean:.2f} +- {error:.2f} over {len(values)} clearances at U/d "
+            f"{min(best):.2f} to {max(best):.2f}; scatter {before.scatter:.2f} over U ({before.unexplained:.2f} "
+            f"unexplained), {after.scatter:.2f} over U/d ({after.unexplained:.2f})"
+        )
+    runs = [run for group in family.values() for run in group]
+    print(
+        f"  {len(runs)} runs, residual up to {max(run.residual for run in runs):.1e}, overlap up to "
+        f"{max(run.overlap for run in runs):.2f} R, {sum(run.seconds for run in runs):.0f} s"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
+    parser.add_argument("--seeds", type=int, default=1, help="places of the balls at the start")
+    parser.add_argument("--restitution", type=float, default=witt_dampers.STEEL_RESTITUTION)
+    asked = parser.parse_args()
+    found = {n_row: family_of(asked.out, n_row, asked.seeds, asked.restitution) for n_row in (1, 2, 3, 4)}
+    for n_row, family in found.items():
+        tell(n_row, family)
+    suffix = "" if asked.restitution == witt_dampers.STEEL_RESTITUTION else f"-e{asked.restitution:g}"
+    print(save(drawn(found), asked.out / f"configuration-4{suffix}.png"))
+
+
+if __name__ == "__main__":
+    main()
