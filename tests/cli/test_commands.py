@@ -1,20 +1,41 @@
 """The command line as a person or a script meets it: output, files, messages, exit codes."""
 
+import contextlib
+import io
 import json
 import subprocess
 import sys
+from unittest import mock
 
 import h5py
 import numpy as np
 import pytest
 
+from graindamp.cli.main import main
 from signals_made import linear_bed, record_of
 
 BED, CONTAINER = 0.132, 0.085
 
 
 def run(*words, cwd=None):
-    """Exit code, standard output and error stream of `graindamp words`."""
+    """Exit code, standard output and error stream of `graindamp words`, without the seconds that a process takes."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        mock.patch.object(sys, "argv", ["graindamp", *map(str, words)]),
+        contextlib.chdir(cwd or "."),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+    return code, out.getvalue(), err.getvalue()
+
+
+def run_process(*words, cwd=None):
+    """The same in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "graindamp", *map(str, words)], capture_output=True, text=True, cwd=cwd
     )
@@ -182,6 +203,14 @@ def test_demo(tmp_path, monkeypatch):
     assert "data:image/gif;base64," in page
     assert page.index("Simulated operating points") < page.index("Damping at resonance")
     assert json.loads((tmp_path / "result.json").read_text())["simulation"] == document["simulation"]
+
+
+def test_a_process_says_the_same():
+    words = ("rules", "bouncing", "--stroke-ratio", 2, "--restitution", 0.2, "--json")
+    assert run_process(*words) == run(*words)
+    wrong = ("rules", "bouncing", "--stroke-ratio", "two")
+    assert run_process(*wrong) == run(*wrong)
+    assert run(*wrong)[0] == 2
 
 
 def test_rules_as_documented():
