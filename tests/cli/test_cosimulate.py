@@ -1,6 +1,7 @@
 """`graindamp cosimulate`, from a description to files."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,6 +90,15 @@ def test_the_motion_is_a_file_that_decay_reads(ran):
 
     records = read_decays(out / "motion.csv", ChannelsSpec(motion="jar velocity"))
     assert records[0].sampling_rate == pytest.approx(2000.0)
+
+
+def test_the_example_is_a_cantilever_of_twenty_hertz():
+    folder = Path(__file__).parents[2] / "examples"
+    case = case_of(load_spec(folder / "free-decay.toml", CosimulationSpec), folder)
+    # Closed form of the beam with 102.25 g at its tip: 20.78 Hz.
+    assert case.model.omega[0] / (2 * np.pi) == pytest.approx(20.78, abs=0.01)
+    assert case.model.shape[0] @ case.q == pytest.approx(5e-3)
+    assert case.dampers[0].along == (0.0, 1.0, 0.0)
 
 
 def test_forces_and_damper_files_are_read(project, tmp_path):

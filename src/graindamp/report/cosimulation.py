@@ -1,7 +1,5 @@
 """Results of structure and particles simulated together, as tables, JSON and files."""
 
-import csv
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +18,7 @@ from graindamp.report.ledger import LOSSES
 from graindamp.report.page import Section, write_page
 from graindamp.report.tables import Table
 from graindamp.report.wording import plain
+from graindamp.report.written import Files, write_columns, write_document
 from graindamp.signals.decay import Decay, analyze_decay
 from graindamp.signals.decay_record import DecayRecord
 from graindamp.signals.decay_repeats import combine
@@ -39,15 +38,6 @@ class CoResult(NamedTuple):
     """Free decay of the first point; None where forces act, or where none was found."""
     warnings: tuple[str, ...]
     """What to know before the numbers are used, a line each."""
-
-
-class Files(NamedTuple):
-    """Where the results were written."""
-
-    page: Path
-    document: Path
-    tables: tuple[Path, ...]
-    pictures: tuple[Path, ...]
 
 
 def examine(run: CoRun, points: tuple[str, ...]) -> CoResult:
@@ -193,14 +183,10 @@ def write_cosimulation(
         Section("Energy", "", (energy_table(result),), ((of_energy, "Where the energy is and where it went."),)),
     ]
     tables = (
-        _write_columns(_motion_columns(result), folder / "motion.csv"),
-        _write_columns(_energy_columns(run), folder / "energies.csv"),
+        write_columns(_motion_columns(result), folder / "motion.csv"),
+        write_columns(_energy_columns(run), folder / "energies.csv"),
     )
-    document = folder / "result.json"
-    try:
-        document.write_text(json.dumps(cosimulation_document(result), indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{document}: cannot be written ({error.strerror or error})") from None
+    document = write_document(cosimulation_document(result), folder / "result.json")
     page = write_page(folder / "report.html", title, sections, result.warnings, inputs)
     return Files(page, document, tables, tuple(pictures))
 
@@ -227,15 +213,3 @@ def _energy_columns(run: CoRun) -> dict[str, Any]:
     for name, words in LOSSES.items():
         columns[f"{words} [J]"] = np.array([sum(getattr(bed, name) for bed in beds) for beds in run.energy])
     return columns
-
-
-def _write_columns(columns: dict[str, Any], path: Path) -> Path:
-    rows = zip(*columns.values(), strict=True)
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(columns)
-            writer.writerows([f"{value:.9g}" if np.isfinite(value) else "" for value in row] for row in rows)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    return path

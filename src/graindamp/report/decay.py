@@ -1,7 +1,5 @@
 """All that is written about free decays: tables, document, CSV files, figures, page."""
 
-import csv
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +18,7 @@ from graindamp.report.page import Section, write_page
 from graindamp.report.tables import Table
 from graindamp.report.wording import plain as digits
 from graindamp.report.wording import with_error
+from graindamp.report.written import Files, write_columns, write_document
 from graindamp.signals.decay import Decay, analyze_decay, mass_normalised
 from graindamp.signals.decay_record import read_decays
 from graindamp.signals.decay_repeats import Curve, combine
@@ -59,15 +58,6 @@ class Decays(NamedTuple):
     curve: Curve
     warnings: tuple[str, ...]
     """What to know before the numbers are used, a line each; records left out among them."""
-
-
-class Files(NamedTuple):
-    """Where the results were written."""
-
-    page: Path
-    document: Path
-    tables: tuple[Path, ...]
-    pictures: tuple[Path, ...]
 
 
 def examine(spec: DecaySpec, folder: Path, progress: Callable[[str], None] = lambda text: None) -> Decays:
@@ -264,14 +254,10 @@ def write_decays(
         Section("Records", "", (records_table(decays),), ((over_time, f"Peaks and envelope, offset removed.{more}"),)),
     ]
     tables = (
-        _write_csv(curve_columns(decays), folder / "curve.csv"),
-        _write_csv(_all_cycles(decays), folder / "cycles.csv"),
+        write_columns(_titled(curve_columns(decays)), folder / "curve.csv"),
+        write_columns(_titled(_all_cycles(decays)), folder / "cycles.csv"),
     )
-    document = folder / "result.json"
-    try:
-        document.write_text(json.dumps(decay_document(decays), indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{document}: cannot be written ({error.strerror or error})") from None
+    document = write_document(decay_document(decays), folder / "result.json")
     page = write_page(folder / "report.html", f"Free decay: {spec.name}", sections, decays.warnings, inputs)
     return Files(page, document, tables, tuple(pictures))
 
@@ -284,17 +270,9 @@ def _all_cycles(decays: Decays) -> dict[str, Any]:
     return columns
 
 
-def _write_csv(columns: dict[str, Any], path: Path) -> Path:
-    titles = [f"{name} [{unit}]" if (unit := _unit_of(name)) else name for name in columns]
-    cells = [[_cell(value) for value in values] for values in columns.values()]
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(titles)
-            writer.writerows(zip(*cells, strict=True))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    return path
+def _titled(columns: dict[str, Any]) -> dict[str, Any]:
+    """The columns under their names with units."""
+    return {f"{name} [{unit}]" if (unit := _unit_of(name)) else name: values for name, values in columns.items()}
 
 
 def _unit_of(name: str) -> str:
@@ -302,9 +280,3 @@ def _unit_of(name: str) -> str:
         if name.endswith(end) and (unit := UNITS.get(name.removesuffix(end))):
             return "-" if unit == "1" else unit
     return ""
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.9g}" if np.isfinite(value) else ""
-    return str(value)

@@ -107,7 +107,8 @@ class SampledForceSpec(Spec):
     point: Point
     """Where it acts."""
     file: str = Field(min_length=1, pattern=r"\.([cC][sS][vV]|[nN][pP][zZ])$")
-    """File (.csv or .npz) with a column of evenly spaced times [s] and one of values, relative to this description."""
+    """File (.csv or .npz) with a column of evenly spaced times [s] and one of values, relative to this description. The
+    first sample acts at the start, whatever its time."""
     unit: str | None = None
     """Unit of the values, such as "kN"; default: N."""
     time_column: str = "time"
