@@ -26,6 +26,7 @@ from graindamp.dem.block import (
 )
 from graindamp.dem.columns import LANE
 from graindamp.dem.compile import merged
+from graindamp.dem.grip import OF_PARTICLES
 
 
 @merged
@@ -55,9 +56,9 @@ def pair_forces(w, step, particles, pairs, rules, record, scratch):
         n = min(LANE, pairs.n_active[w] - k)
         gather_pairs(w, k, n, particles, pairs, b)
         pair_normals(b)
-        block_forces(w, step, k, n, False, pairs, particles, particles.material[w], rules, record, b)
+        block_forces(w, step, k, n, OF_PARTICLES, pairs, particles, particles.material[w], rules, record, b)
         scatter_pairs(w, k, n, particles, pairs, b)
-    add_losses(w, False, rules.time_step[w], record, b)
+    add_losses(w, OF_PARTICLES, rules.time_step[w], record, b)
 
 
 @merged

@@ -7,6 +7,8 @@ over speed."""
 
 from math import log2, sqrt
 
+import numpy as np
+
 from graindamp.dem.columns import (
     DAMPING,
     FRICTION,
@@ -27,6 +29,10 @@ from graindamp.dem.columns import (
 )
 from graindamp.dem.compile import inner
 from graindamp.dem.laws import NormalLaw, TangentialLaw
+
+OF_PARTICLES, OF_WALLS = np.bool_(False), np.bool_(True)
+"""What the second bodies of a list are. Not plain False and True, for each of which numba would compile every function
+that is given one apart."""
 
 SLOWEST = 1e-5
 """Least speed at onset that damping is set for [m/s]; slower contacts, such as those of a settling bed, lose little

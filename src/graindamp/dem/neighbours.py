@@ -6,9 +6,11 @@ relative to the bed's mean velocity at the last outer refresh, because a bed tha
 block does not change its neighbours. Pairs are sorted by their two members, so that forces are summed in the same
 order whatever the reach."""
 
+import numpy as np
+
 from graindamp.dem.columns import ONSET, TOUCHED
 from graindamp.dem.compile import checked, inner
-from graindamp.dem.grip import begin
+from graindamp.dem.grip import OF_PARTICLES, begin
 from graindamp.dem.laws import TangentialLaw
 from graindamp.status import Status
 
@@ -68,7 +70,7 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
         member[start[place[i]]] = i
 
     n_kept = keep(w, step, pairs, rules, scratch)
-    n_pair, n_found, n_active = 0, 0, 0
+    n_pair, n_found, n_active = np.int64(0), np.int64(0), 0
     for i in range(n):
         x, y, z, reach = position[i, 0], position[i, 1], position[i, 2], position[i, 3] + skin
         a = place[i] // (ny * nz)
@@ -91,7 +93,7 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
                             near[k] = j
                             n_near += 1
         if n_pair + n_near > capacity:
-            put_back(w, step, n_kept, False, pairs, particles, material, rules, scratch)
+            put_back(w, step, n_kept, OF_PARTICLES, pairs, particles, material, rules, scratch)
             return LISTS_FULL
         for k in range(n_near):
             j = near[k]
@@ -101,7 +103,7 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
             ):
                 n_found += 1
             if n_found < n_kept and kept_first[n_found] == i and kept_second[n_found] == j:
-                remember(w, step, n_found, n_pair, False, pairs, particles, material, rules, scratch)
+                remember(w, step, n_found, n_pair, OF_PARTICLES, pairs, particles, material, rules, scratch)
                 pairs.active[w, n_active] = n_pair
                 n_active += 1
             n_pair += 1

@@ -3,6 +3,8 @@
 Elements of one patch share the memory of a contact, which lies at the place of the first of them in the outer list;
 the first element of the patch that touches acts for all. Foam remembers nothing."""
 
+import numpy as np
+
 from graindamp.dem.block import (
     ARM,
     FORCE,
@@ -22,6 +24,7 @@ from graindamp.dem.block import (
 )
 from graindamp.dem.columns import LANE, LOSS_LID, TOUCHED
 from graindamp.dem.compile import checked, inner, merged
+from graindamp.dem.grip import OF_WALLS
 from graindamp.dem.laws import NormalLaw, foam_force
 from graindamp.dem.neighbours import keep, put_back, remember
 from graindamp.dem.walls import FOAM_FIRST, nearest
@@ -45,7 +48,7 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
     material, n_plain, capacity = walls.material[w], walls.n_plain[w], first.shape[0]
 
     n_kept = keep(w, step, touches, rules, scratch)
-    n_touch, n_found, n_active = 0, 0, 0
+    n_touch, n_found, n_active = np.int64(0), np.int64(0), 0
     for i in range(particles.n_particle[w]):
         x, y, z, radius = position[i, 0], position[i, 1], position[i, 2], position[i, 3]
         n_near, n_cell, cell = 0, 0, 0
@@ -55,7 +58,7 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
                 cell = (a * int(grid[5]) + b) * int(grid[6]) + c
                 n_cell = cell_start[cell + 1] - cell_start[cell]
         for m in range(n_plain + n_cell):
-            e = m if m < n_plain else cell_element[cell_start[cell] + m - n_plain]
+            e = np.uint32(m if m < n_plain else cell_element[cell_start[cell] + m - n_plain])
             # Elements of meshes see a sphere only from their own region, which it may enter before the next refresh.
             if m >= n_plain or nearest(kind[e], shapes, e, edges, x, y, z, radius)[0] < radius + skin:
                 if n_near == near.shape[0]:
@@ -67,7 +70,7 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
                 near[k] = e
                 n_near += 1
         if n_touch + n_near > capacity:
-            put_back(w, step, n_kept, True, touches, particles, material, rules, scratch)
+            put_back(w, step, n_kept, OF_WALLS, touches, particles, material, rules, scratch)
             return LISTS_FULL
         for k in range(n_near):
             e = near[k]
@@ -78,7 +81,7 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
                 ):
                     n_found += 1
                 if n_found < n_kept and kept_first[n_found] == i and patch[kept_second[n_found]] == patch[e]:
-                    remember(w, step, n_found, n_touch, True, touches, particles, material, rules, scratch)
+                    remember(w, step, n_found, n_touch, OF_WALLS, touches, particles, material, rules, scratch)
                     touches.active[w, n_active] = n_touch
                     n_active += 1
             n_touch += 1
@@ -121,15 +124,15 @@ def wall_forces(w, step, particles, touches, walls, rules, record, scratch):
     touches.n_active[w] = 0
     touches.n_soft[w] = 0
     clear_losses(b)
-    k = 0
+    k = np.int64(0)  # a plain 0 would have the loop's body compiled once more, for a constant
     while k < touches.n_inner[w]:
-        start = touches.n_active[w]
+        start = np.int64(touches.n_active[w])
         k = gather_touches(w, k, particles, touches, walls, rules, record, b)
         n = touches.n_active[w] - start
         if n > 0:
-            block_forces(w, step, start, n, True, touches, particles, walls.material[w], rules, record, b)
+            block_forces(w, step, start, n, OF_WALLS, touches, particles, walls.material[w], rules, record, b)
             scatter_touches(w, start, n, particles, touches, walls, record, b)
-    add_losses(w, True, rules.time_step[w], record, b)
+    add_losses(w, OF_WALLS, rules.time_step[w], record, b)
 
 
 @merged
