@@ -1,6 +1,6 @@
 """Configuration 4: one layer of one to four rows of nine balls, over U/d.
 
-    python configuration_4.py [--out FOLDER] [--seeds 1] [--restitution 0.6]
+    python configuration_4.py [--out FOLDER] [--seeds 1] [--restitution 0.6] [--no-turning]
 
 Writes configuration-4*.png and prints the numbers; runs that are there already are not run again.
 """
@@ -8,20 +8,20 @@ Writes configuration-4*.png and prints the numbers; runs that are there already 
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import witt_dampers
 from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases, plain_ticks
 from decays import RATE, Ringing, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
 
-from graindamp.couple.cosimulate import Carried
 from graindamp.report.figures import COLORS, MARKERS, save
 
 SOFTENING = 100.0
 """Divisor of the stiffness of all contacts [-]."""
 
-DISPLACEMENTS = (2e-3, 6e-3, 10e-3)
-"""Initial displacements U0 that are run, of the six from 1 to 10 mm [m]; about 25 tests per number of rows."""
+DISPLACEMENTS = (1e-3, 2e-3, 4e-3, 6e-3, 8e-3, 10e-3)
+"""Initial displacements U0 [m]."""
 
 DURATION = 1.0
 """Time that a decay is followed for [s]."""
@@ -35,24 +35,40 @@ def possible(n_row: int, clearance: float) -> bool:
     return n_row * witt_dampers.ROW_BALL + clearance <= 35.15e-3
 
 
-def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, seed: int, restitution: float) -> Ringing:
-    """One decay; clearance and initial displacement [m], seed of the balls' places, restitution [-]."""
+class Kind(NamedTuple):
+    """What is the same for all tests of a figure."""
+
+    restitution: float
+    turning: bool
+    """Whether the enclosure turns with the slope of the beam."""
+
+    @property
+    def suffix(self) -> str:
+        """What names of files end in."""
+        changed = "" if self.restitution == witt_dampers.STEEL_RESTITUTION else f"-e{self.restitution:g}"
+        return changed + ("" if self.turning else "-straight")
+
+
+def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, seed: int, kind: Kind) -> Ringing:
+    """One decay; clearance and initial displacement [m], seed of the balls' places."""
     whole = witt_dampers.structure()
 
     def make() -> Ringing:
-        damper, bed = witt_dampers.rows(n_row, clearance, seed=seed, restitution=restitution, softening=SOFTENING)
-        case = witt_dampers.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
+        damper, bed = witt_dampers.rows(n_row, clearance, seed=seed, restitution=kind.restitution, softening=SOFTENING)
+        carried = witt_dampers.at_tip(damper, bed, kind.turning)
+        case = witt_dampers.decay_case(whole, (carried,), displacement, DURATION, RATE)
         return ring(case._replace(steps_per_contact=30), displacement, whole.mass)
 
-    name = f"c4-{n_row}rows-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}"
+    name = f"c4-{n_row}rows-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{kind.restitution:g}-s{seed}"
+    name += "-turning" if kind.turning else ""
     return kept(folder, name, make)
 
 
-def family_of(folder: Path, n_row: int, seeds: int, restitution: float) -> Family:
+def family_of(folder: Path, n_row: int, seeds: int, kind: Kind) -> Family:
     """All tests with a number of rows."""
     return {
         clearance: [
-            rows_run(folder, n_row, clearance, displacement, seed, restitution)
+            rows_run(folder, n_row, clearance, displacement, seed, kind)
             for seed in range(seeds)
             for displacement in DISPLACEMENTS
         ]
@@ -124,12 +140,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
     parser.add_argument("--seeds", type=int, default=1, help="places of the balls at the start")
     parser.add_argument("--restitution", type=float, default=witt_dampers.STEEL_RESTITUTION)
+    parser.add_argument("--no-turning", action="store_true", help="the enclosure only moves to and fro")
     asked = parser.parse_args()
-    found = {n_row: family_of(asked.out, n_row, asked.seeds, asked.restitution) for n_row in (1, 2, 3, 4)}
+    kind = Kind(asked.restitution, not asked.no_turning)
+    found = {n_row: family_of(asked.out, n_row, asked.seeds, kind) for n_row in (1, 2, 3, 4)}
     for n_row, family in found.items():
         tell(n_row, family)
-    suffix = "" if asked.restitution == witt_dampers.STEEL_RESTITUTION else f"-e{asked.restitution:g}"
-    print(save(drawn(found), asked.out / f"configuration-4{suffix}.png"))
+    print(save(drawn(found), asked.out / f"configuration-4{kind.suffix}.png"))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ from configuration_1 import PSI_LABEL, plain_ticks
 from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring
 from matplotlib.figure import Figure
 
-from graindamp.couple.cosimulate import Carried
 from graindamp.design.layers import beta, critical_intensity
 from graindamp.errors import InputError
 from graindamp.report.figures import COLORS, save
@@ -50,16 +49,18 @@ def run_of(
     softening: float = SOFTENING,
     steps: int = STEPS_PER_CONTACT,
     duration: float | None = None,
+    turning: bool = False,
     **options: float,
 ) -> Ringing:
-    """Run `number` of Table 4.2, from 0, for a time [s] or :func:`duration_of`; options as for the damper."""
+    """Run `number` of Table 4.2, from 0, for a time [s] or :func:`duration_of`, the enclosure `turning` with
+    the slope of the beam or not; options as for the damper."""
     length, height, displacement = witt_dampers.LAYERS[number]
     whole = witt_dampers.structure()
     ratio = witt_dampers.COUNTS[length][height] * witt_dampers.SHOT_MASS / whole.mass
 
     def make() -> Ringing:
         damper = witt_dampers.layers(length, height, seed=seed, softening=softening, **options)
-        carried = Carried(damper, "tip", packing=witt_dampers.poured(damper))
+        carried = witt_dampers.at_tip(damper, witt_dampers.poured(damper), turning)
         time_of = duration or duration_of(ratio, displacement)
         case = witt_dampers.decay_case(whole, (carried,), displacement, time_of, RATE)
         return ring(case._replace(steps_per_contact=steps), displacement, whole.mass)
@@ -67,6 +68,7 @@ def run_of(
     changed = "".join(f"-{name}-{value:g}" for name, value in options.items())
     changed += "" if steps == STEPS_PER_CONTACT else f"-steps-{steps}"
     changed += "" if duration is None else f"-{duration:g}s"
+    changed += "-turning" if turning else ""
     return kept(folder, f"c5-{number + 1:02d}-s{seed}-softening-{softening:g}{changed}", make)
 
 

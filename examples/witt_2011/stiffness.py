@@ -1,4 +1,4 @@
-"""What softened contacts, the time step and the assumed constants do to two beds of configuration 5.
+"""What softened contacts, the time step, the assumed constants and the beam's slope do to two beds of configuration 5.
 
 One is thin and thrown hard (run 15 of Table 4.2), one deep and moved gently (run 34).
 
@@ -31,6 +31,7 @@ def variants(folder: Path, number: int) -> dict[str, Ringing]:
         "another bed": run_of(number, folder, seed=1, duration=DURATION),
         "friction 0.5": run_of(number, folder, friction=0.5, duration=DURATION),
         "restitution 0.6": run_of(number, folder, restitution=0.6, duration=DURATION),
+        "turning with the slope": run_of(number, folder, turning=True, duration=DURATION),
     }
 
 
@@ -66,7 +67,7 @@ def tell(number: int, found: dict[str, Ringing]) -> None:
     for name, run in found.items():
         values = ", ".join(f"{low:g}-{high:g}: {mean:.2f}" for (low, high), mean in mean_damping(run).items())
         print(
-            f"run {number}, {name:18s} Psi_m at Gamma {values}; overlap {run.overlap:.2f} R, residual "
+            f"run {number}, {name:22s} Psi_m at Gamma {values}; overlap {run.overlap:.2f} R, residual "
             f"{run.residual:.1e}, time step {1e6 * run.time_step:.1f} us, {run.seconds:.0f} s",
             flush=True,
         )

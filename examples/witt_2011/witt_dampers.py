@@ -241,6 +241,15 @@ def poured(damper: DamperSpec) -> Packing:
     return pack(DamperSpec.model_validate(told))
 
 
+def at_tip(damper: DamperSpec, packing: Packing, turning: bool) -> Carried:
+    """A cavity at the tip of the beam, its middle on the beam's axis; `turning` with the slope there, or not."""
+    if not turning:
+        return Carried(damper, "tip", packing=packing)
+    size = damper.container.size  # type: ignore[union-attr]
+    x, y, z = (0.5 * side for side in size)
+    return Carried(damper, "tip", along=(0.0, 1.0, 0.0), pivot=(x, y, z), packing=packing)
+
+
 def decay_case(
     whole: Structure, carried: tuple[Carried, ...], displacement: float, duration: float, rate: float
 ) -> Case:
