@@ -1,8 +1,8 @@
 """Is the GPU back end right, and how fast? Builds, checks and times all in one go, in under 8 minutes on an H200.
 
-    python benchmarks/gpu_check.py --prepare --data FOLDER    once, on any machine: beds and the processor's answers
-    python benchmarks/gpu_check.py --data FOLDER              on the machine with the GPU
-    python benchmarks/gpu_check.py --data FOLDER --deme ENV/bin/python    DEM-Engine on the same bed, too: deme_rate.py
+    python benchmarks/gpu_check.py --prepare                  once, on any machine: beds, and answers that are missing
+    python benchmarks/gpu_check.py                            on the machine with the GPU
+    python benchmarks/gpu_check.py --deme ENV/bin/python      DEM-Engine on the same bed, too: deme_rate.py
     python benchmarks/gpu_check.py --rehearse                 tiny, in numba's simulator, without a GPU
 
 Checks: restitution of one ball; short trajectories of 500 spheres against the processor in double precision; loss
@@ -246,7 +246,9 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=HERE / "gpu_check_data", help="folder of beds and answers")
     parser.add_argument("--out", type=Path, default=HERE / "results", help="folder of the results")
     parser.add_argument("--prepare", action="store_true", help="make beds and answers on the processor")
-    parser.add_argument("--baseline", action="store_true", help="with --prepare: the baseline damper too, half an hour")
+    parser.add_argument(
+        "--baseline", action="store_true", help="with --prepare: answers of the baseline damper too, half an hour"
+    )
     parser.add_argument(
         "--every", action="store_true", help="also time variants of the kernel that are unlikely to win"
     )
@@ -258,8 +260,8 @@ def main() -> None:
         for n in REAL_LIMITS.particles:
             rates.prepared(n, 6, arguments.data)
             print(f"bed of {n} is ready", flush=True)
-        for which in ("field", "baseline") if arguments.baseline else ("field",):
-            prepare(which, arguments.data)
+        prepare("field", arguments.data)
+        prepare("baseline", arguments.data, only_bed=not arguments.baseline)
         return
     limits = REHEARSAL if arguments.rehearse else REAL_LIMITS
     clock = Clock(limits.total)

@@ -161,10 +161,15 @@ def _read(path: Path) -> list[list[float]]:
         return [[float(x) for x in row[2:]] for row in list(csv.reader(file))[1:]]
 
 
-def prepare(which: str, data: Path) -> None:
-    """The processor's answers with their standard errors, those that are not there yet; a line each as it is known."""
+def prepare(which: str, data: Path, only_bed: bool = False) -> None:
+    """The bed, and the processor's answers with their standard errors, those that are not there yet; a line each as it
+    is known."""
     path = data / f"{which}.csv"
     specs = points_of(which, False)
+    packing_for(specs[0], data, False)
+    print(f"bed of {which} is ready", flush=True)
+    if only_bed:
+        return
     known = len(_read(path)) if path.exists() else 0
     with path.open("a", encoding="utf-8", newline="") as file:
         table = csv.writer(file)

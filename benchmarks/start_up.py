@@ -1,13 +1,15 @@
-"""How long until graindamp answers: import, help, a rule, analysis and the demo, each in a fresh process.
+"""How long until graindamp answers: import, help, a rule, analysis, the demo, and the engine's first step, each in a
+fresh process.
 
 Usage: python benchmarks/start_up.py [--repeat 5] [--out FILE.md]
 
 Prints wall-clock minimum, median and maximum, and checks every answer. The first run of each command warms the disk
-cache and is not counted.
+cache and is not counted; the engine's first compilation begins with an empty cache every time.
 """
 
 import argparse
 import json
+import os
 import platform
 import statistics
 import subprocess
@@ -20,13 +22,43 @@ from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
+ENGINE = """
+import numpy as np
+from graindamp.dem.packing_store import Packing
+from graindamp.dem.simulate import simulate
+from graindamp.spec.model import parse_spec
+from graindamp.spec.simulation import SimulationSpec
+spec = parse_spec({
+    "damper": {
+        "gravity": [0.0, 0.0, 0.0],
+        "particles": [{"material": "steel", "radius": 1e-3}],
+        "fill": {"count": 1},
+        "container": {"kind": "box", "size": [0.01, 0.01, 0.01], "material": "steel"},
+        "contact": {"restitution": 0.5, "friction": 0.1, "softening": 1e4},
+    },
+    "motion": {"kind": "harmonic", "frequency": 500.0, "intensity": 50.0, "direction": "x"},
+    "run": {"cycles": 1, "settle": 1e-5},
+}, SimulationSpec, "ball")
+nan = float("nan")
+bed = Packing(np.full((1, 3), 1.02e-3), np.array([1e-3]), np.zeros(1, np.int32), nan, nan, nan, nan, None, None, 0, 0.0)
+print(simulate(spec, packing=bed).n_step)
+"""
+"""One ball in a box: next to no work, so that what is timed is the engine's start."""
+
 LIMIT_IMPORT = 0.5
 """`import graindamp` stays under this [s], interpreter included."""
 
 
-def run(*words: str) -> str:
-    """Standard output of a Python process."""
-    return subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True).stdout
+def run(*words: str, cache: str | None = None) -> str:
+    """Standard output of a Python process; compiled code and packings are in the folder `cache`, or the user's."""
+    environment = os.environ | ({} if cache is None else {"GRAINDAMP_CACHE": cache})
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True, env=environment).stdout
+
+
+def first_step() -> str:
+    """What the engine answers where it has never been compiled."""
+    with tempfile.TemporaryDirectory() as empty:
+        return run("-c", ENGINE, cache=empty)
 
 
 def graindamp(*words: str) -> str:
@@ -56,6 +88,8 @@ def questions(folder: Path) -> dict[str, tuple[Callable[[], str], Callable[[str]
             lambda: graindamp("demo", "--measured", "--out", str(folder), "--json"),
             lambda out: all(mode["equilibria"] for mode in json.loads(out)["modes"]),
         ),
+        "first step of the engine, never compiled": (first_step, lambda out: int(out) > 0),
+        "first step of the engine, compiled before": (lambda: run("-c", ENGINE), lambda out: int(out) > 0),
     }
 
 
