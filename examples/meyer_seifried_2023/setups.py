@@ -84,6 +84,8 @@ def text_of(name: str) -> str:
             extra += ['restitution = { plateau = 0.54, reference_speed = "0.03 m/s", exponent = 1 }', ""]
     at = lines.index("[damper.lid]")
     lines[at:at] = extra
+    (study,) = (k for k, line in enumerate(lines) if line.startswith("[softening_study]"))
+    lines[study:] = ["# What softening does to a field is studied with the baseline.", ""]
     return "\n".join(lines)
 
 
