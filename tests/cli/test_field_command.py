@@ -209,6 +209,17 @@ def test_the_page_loads_itself_again_while_the_campaign_runs(tmp_path, capsys):
     assert capsys.readouterr().err.splitlines() == [line_of(outlook(["done"])), line_of(outlook(["done", "done"]))]
 
 
+def test_the_page_is_drawn_again_only_when_a_point_has_changed(tmp_path, monkeypatch):
+    """Points without a value are NaN, and no NaN is equal to another."""
+    drawn = []
+    monkeypatch.setattr(FieldProgress, "draw", lambda self, state: drawn.append(state))
+    monkeypatch.setattr("graindamp.report.field_progress.DRAW_EVERY", 0.0)
+    progress = FieldProgress(tmp_path / "x.nc", "made", quiet=True)
+    for states in (["queued"], ["queued"], ["running"], ["running"], ["done"], ["done"]):
+        progress(outlook(states))
+    assert len(drawn) == 3
+
+
 def test_a_campaign_stays_with_its_back_end(undrawn, tmp_path, monkeypatch):
     """`auto` goes on with what a campaign was begun with; another one computes points of its own and says so."""
     pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")

@@ -150,21 +150,22 @@ class FieldProgress:
         self._title, self._quiet = title, quiet
         self._drawn = self._said = -np.inf
         self._last: Outlook | None = None
+        self._shown = ""
         self._status: Any = None
 
     def __call__(self, outlook: Outlook) -> None:
         """Show the state, if it is time to."""
         now = time.monotonic()
-        is_new = self._last is None or outlook.places != self._last.places
+        shown = repr(outlook.places)  # no NaN is equal to another
         self._last = outlook
         if self._status is not None:
             self._status.update(line_of(outlook))
         elif not self._quiet and now - self._said > LINE_EVERY:
             print(line_of(outlook), file=sys.stderr)
             self._said = now
-        if is_new and now - self._drawn > DRAW_EVERY and outlook.n_done < outlook.n_point:
+        if shown != self._shown and now - self._drawn > DRAW_EVERY and outlook.n_done < outlook.n_point:
             self.draw("running")
-            self._drawn = time.monotonic()
+            self._drawn, self._shown = time.monotonic(), shown
 
     def __enter__(self) -> "FieldProgress":
         """Begin to show."""
