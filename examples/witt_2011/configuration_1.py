@@ -1,6 +1,6 @@
 """Configuration 1: one ball in one channel, over U and over U/d; co-simulated, and from event to event.
 
-    python configuration_1.py [--out FOLDER] [--seeds 3]
+    python configuration_1.py [--out FOLDER] [--seeds 3] [--no-turning]
 
 Writes configuration-1*.png and prints the numbers; runs that are there already are not run again.
 """
@@ -18,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from graindamp.couple.cosimulate import Carried
 from graindamp.impact.decay import free_decay
 from graindamp.impact.system import on_structure
 from graindamp.report.figures import COLORS, MARKERS, save
@@ -42,18 +41,22 @@ Family = Mapping[float, Sequence[Ringing]]
 """Runs by clearance [m]."""
 
 
-def ball_run(folder: Path, clearance: float, displacement: float, seed: int, restitution: float) -> Ringing:
-    """One co-simulated decay: clearance and initial displacement [m], seed of the ball's place, restitution [-]."""
+def ball_run(
+    folder: Path, clearance: float, displacement: float, seed: int, restitution: float, turning: bool = True
+) -> Ringing:
+    """One co-simulated decay: clearance and initial displacement [m], seed of the ball's place, restitution [-], the
+    channel `turning` with the slope of the beam or not."""
     whole = witt_dampers.structure(witt_dampers.INSERT_MASS[clearance])
 
     def make() -> Ringing:
         damper, bed = witt_dampers.channel(
             clearance, displacement, seed=seed, restitution=restitution, softening=SOFTENING
         )
-        case = witt_dampers.decay_case(whole, (Carried(damper, "tip", packing=bed),), displacement, DURATION, RATE)
-        return ring(case, displacement, whole.mass)
+        carried = witt_dampers.mounted(damper, bed, turning)
+        return ring(witt_dampers.decay_case(whole, (carried,), displacement, DURATION, RATE), displacement, whole.mass)
 
-    return kept(folder, f"c1-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}", make)
+    name = f"c1-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{restitution:g}-s{seed}"
+    return kept(folder, name + "-turning" * turning, make)
 
 
 def event_run(folder: Path, clearance: float, displacement: float, restitution: float) -> Ringing:
@@ -70,7 +73,7 @@ def event_run(folder: Path, clearance: float, displacement: float, restitution: 
     return kept(folder, f"c1-d{1e3 * clearance:g}-u{1e3 * displacement:g}-R{restitution:g}", make)
 
 
-def families(folder: Path, seeds: int) -> tuple[dict[float, Family], dict[float, Family]]:
+def families(folder: Path, seeds: int, turning: bool) -> tuple[dict[float, Family], dict[float, Family]]:
     """All tests by restitution: co-simulated, and from event to event."""
 
     def by_clearance(restitution: float, events: bool) -> Family:
@@ -80,7 +83,7 @@ def families(folder: Path, seeds: int) -> tuple[dict[float, Family], dict[float,
                 found[clearance].append(event_run(folder, clearance, displacement, restitution))
                 continue
             for seed in range(seeds):
-                found[clearance].append(ball_run(folder, clearance, displacement, seed, restitution))
+                found[clearance].append(ball_run(folder, clearance, displacement, seed, restitution, turning))
         return found
 
     return {e: by_clearance(e, False) for e in RESTITUTIONS}, {r: by_clearance(r, True) for r in EFFECTIVE}
@@ -192,17 +195,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
     parser.add_argument("--seeds", type=int, default=3, help="places of the ball at the start")
+    parser.add_argument("--no-turning", action="store_true", help="the enclosure only moves to and fro")
     asked = parser.parse_args()
-    cosimulated, events = families(asked.out, asked.seeds)
+    cosimulated, events = families(asked.out, asked.seeds, not asked.no_turning)
     for restitution, family in cosimulated.items():
         tell(f"co-simulated, e = {restitution:g}", family)
         runs = [run for group in family.values() for run in group]
         print(f"  residual {max(run.residual for run in runs):.1e}, {sum(run.seconds for run in runs):.0f} s")
     for restitution, family in events.items():
         tell(f"events, R = {restitution:g}", family)
+    suffix = "-straight" * asked.no_turning
     titles = (f"co-simulated, e = {RESTITUTIONS[1]:g}", "from event to event, R = 0.15")
-    print(save(clouds(cosimulated[RESTITUTIONS[1]], events[0.15], titles), asked.out / "configuration-1.png"))
-    print(save(means(cosimulated, events), asked.out / "configuration-1-restitution.png"))
+    print(save(clouds(cosimulated[RESTITUTIONS[1]], events[0.15], titles), asked.out / f"configuration-1{suffix}.png"))
+    print(save(means(cosimulated, events), asked.out / f"configuration-1-restitution{suffix}.png"))
 
 
 if __name__ == "__main__":

@@ -26,7 +26,6 @@ from configuration_1 import (
 from decays import RATE, Ringing, kept, peak, ring, ringing_of_events
 from matplotlib.figure import Figure
 
-from graindamp.couple.cosimulate import Carried
 from graindamp.impact.decay import free_decay
 from graindamp.impact.system import on_structure
 from graindamp.report.figures import COLORS, save
@@ -52,12 +51,12 @@ def balls_run(folder: Path, clearance: float, arrangement: Arrangement, seed: in
             damper, bed = witt_dampers.channel(
                 clearance, DISPLACEMENT, seed=place, restitution=restitution, softening=SOFTENING
             )
-            carried.append(Carried(damper, point, packing=bed))
+            carried.append(witt_dampers.mounted(damper, bed, True, point))
         return ring(
             witt_dampers.decay_case(whole, tuple(carried), DISPLACEMENT, DURATION, RATE), DISPLACEMENT, whole.mass
         )
 
-    return kept(folder, f"c2-{arrangement}-d{1e3 * clearance:g}-e{restitution:g}-s{seed}", make)
+    return kept(folder, f"c2-{arrangement}-d{1e3 * clearance:g}-e{restitution:g}-s{seed}-turning", make)
 
 
 def balls_events(folder: Path, clearance: float, arrangement: Arrangement, restitution: float) -> Ringing:

@@ -55,7 +55,7 @@ def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, se
 
     def make() -> Ringing:
         damper, bed = witt_dampers.rows(n_row, clearance, seed=seed, restitution=kind.restitution, softening=SOFTENING)
-        carried = witt_dampers.at_tip(damper, bed, kind.turning)
+        carried = witt_dampers.mounted(damper, bed, kind.turning)
         case = witt_dampers.decay_case(whole, (carried,), displacement, DURATION, RATE)
         return ring(case._replace(steps_per_contact=30), displacement, whole.mass)
 

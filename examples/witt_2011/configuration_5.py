@@ -60,7 +60,7 @@ def run_of(
 
     def make() -> Ringing:
         damper = witt_dampers.layers(length, height, seed=seed, softening=softening, **options)
-        carried = witt_dampers.at_tip(damper, witt_dampers.poured(damper), turning)
+        carried = witt_dampers.mounted(damper, witt_dampers.poured(damper), turning)
         time_of = duration or duration_of(ratio, displacement)
         case = witt_dampers.decay_case(whole, (carried,), displacement, time_of, RATE)
         return ring(case._replace(steps_per_contact=steps), displacement, whole.mass)
@@ -150,7 +150,7 @@ def tell(length: float, beds: Beds) -> None:
     """Peaks and collapses, printed."""
     curves = curves_of(beds)
     for height, one in curves.items():
-        top, runs = peak(one), beds[height]
+        top, runs = peak(one, least_runs=2), beds[height]
         damping = np.interp([1.0, 2.0, 4.0], one.intensity, one.damping, left=np.nan, right=np.nan)
         print(
             f"l_e {1e3 * length:.2f}, h_p {1e3 * witt_dampers.BED_HEIGHTS[height]:5.2f} mm (here "

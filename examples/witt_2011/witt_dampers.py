@@ -241,13 +241,13 @@ def poured(damper: DamperSpec) -> Packing:
     return pack(DamperSpec.model_validate(told))
 
 
-def at_tip(damper: DamperSpec, packing: Packing, turning: bool) -> Carried:
-    """A cavity at the tip of the beam, its middle on the beam's axis; `turning` with the slope there, or not."""
+def mounted(damper: DamperSpec, packing: Packing, turning: bool, point: str = "tip") -> Carried:
+    """A cavity at a point of the beam, its middle on the beam's axis; `turning` with the slope there, or not."""
     if not turning:
-        return Carried(damper, "tip", packing=packing)
+        return Carried(damper, point, packing=packing)
     size = damper.container.size  # type: ignore[union-attr]
     x, y, z = (0.5 * side for side in size)
-    return Carried(damper, "tip", along=(0.0, 1.0, 0.0), pivot=(x, y, z), packing=packing)
+    return Carried(damper, point, along=(0.0, 1.0, 0.0), pivot=(x, y, z), packing=packing)
 
 
 def decay_case(
