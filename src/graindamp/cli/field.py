@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from graindamp.cli.options import AsJson, print_json, warn
-from graindamp.cli.simulate import INTERRUPTED
+from graindamp.cli.simulate import INTERRUPTED, tell_of_compiling
 from graindamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,6 +79,7 @@ def field(
     if scheduler and kind != "dask":
         raise InputError(f"--scheduler goes with --executor dask, not {kind}")
     options = read_options(slurm or [])
+    tell_of_compiling(as_json)
     with Store(_store_place(projects, output, store)) as opened:
         fields = [
             _asked_for(opened, project, spec, batch, (backend, precision), kind)

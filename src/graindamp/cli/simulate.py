@@ -13,6 +13,7 @@ from graindamp.cli.options import AsJson, print_json, warn
 from graindamp.errors import InputError
 
 if TYPE_CHECKING:
+    from graindamp.dem.packing_store import Packing
     from graindamp.spec.simulation import SimulationSpec
 
 Progress = Callable[[str, float, float | None], None]
@@ -75,6 +76,7 @@ def simulate(
         text = project.read_text(encoding="utf-8")
         files = write_simulation(result, folder, text, wanted, lambda what: progress(what, 1.0, None))
     warn(result.warnings)
+    warn(_unsettled(spec, run.packing))
     if as_json:
         listed = [files.page, files.document, files.run, files.signals, *files.others, *files.pictures]
         print_json(simulation_document(result) | {"files": [str(path) for path in listed]})
@@ -108,6 +110,7 @@ def pack(
 
         packing = pack_bed(spec.damper, folder=project.parent, cache=cache, progress=progress)
     mass = _mass(spec, packing)
+    warn(_unsettled(spec, packing))
     written: dict[str, str] = {}
     if out is not None:
         from graindamp.report.run_file import save_packing
@@ -257,6 +260,17 @@ def _show(result: Any, files: Any) -> None:
         print(f"written  {path}")
     for path in files.pictures:
         print(f"picture  {path}")
+
+
+def _unsettled(spec: "SimulationSpec", packing: "Packing") -> list[str]:
+    """What to say of a bed whose shaking ended although it still settled."""
+    tap = spec.damper.packing.tap
+    if tap is None or packing.tap_cycles < tap.max_cycles:
+        return []
+    return [
+        f"the bed of {spec.damper.name} may still settle: shaking it ended after {tap.max_cycles} cycles, before "
+        "packing.tap.tolerance was kept; raise packing.tap.max_cycles"
+    ]
 
 
 def tell_of_compiling(quiet: bool) -> None:

@@ -42,6 +42,7 @@ from graindamp.dem.oscillators import (
 from graindamp.dem.packing_store import Packing, Progress
 from graindamp.dem.run import Snapshot
 from graindamp.dem.state import Worlds
+from graindamp.interrupt import deferred
 from graindamp.status import Status
 from graindamp.structure.modal import point_index
 
@@ -180,19 +181,22 @@ def cosimulate_batch(
     worlds = run_carried(oscillators, worlds, np.zeros_like(targets), n_thread)
     begin = clock_of_the_wall.perf_counter()
     looks = [[_look(scene, s, oscillators, worlds)] for s, scene in enumerate(scenes)]
-    stopped = False
-    try:
-        for look in range(1, n_look + 1):
-            worlds = run_carried(oscillators, worlds, targets * look // n_look, n_thread)
-            for s, scene in enumerate(scenes):
-                looks[s].append(_look(scene, s, oscillators, worlds, is_due(scene.case.snapshots, look, n_look)))
-            if progress is not None:
-                spent = clock_of_the_wall.perf_counter() - begin
-                progress("swinging", look / n_look, spent * (n_look / look - 1.0))
-            if not np.isfinite(oscillators.coordinate).all():
-                break
-    except KeyboardInterrupt:
-        stopped = True
+    stopped, look = False, 0
+    with deferred() as interruption:
+        try:
+            while look < n_look and not interruption.asked:
+                look += 1
+                worlds = run_carried(oscillators, worlds, targets * look // n_look, n_thread)
+                for s, scene in enumerate(scenes):
+                    looks[s].append(_look(scene, s, oscillators, worlds, is_due(scene.case.snapshots, look, n_look)))
+                if progress is not None:
+                    spent = clock_of_the_wall.perf_counter() - begin
+                    progress("swinging", look / n_look, spent * (n_look / look - 1.0))
+                if not np.isfinite(oscillators.coordinate).all():
+                    break
+        except KeyboardInterrupt:
+            stopped = True
+        stopped = stopped or (interruption.asked and look < n_look)
     seconds = clock_of_the_wall.perf_counter() - begin
     return [_result(scene, s, oscillators, worlds, looks[s], seconds, stopped) for s, scene in enumerate(scenes)]
 

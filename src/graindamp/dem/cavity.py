@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 from scipy.spatial import cKDTree
 
 from graindamp.dem.compile import compiled
@@ -91,6 +90,8 @@ class Cavity:
 
     def _find_bounds_of_planes(self, container: WallsContainer, solid_volume: float) -> None:
         """As :meth:`_find_bounds`; where planes leave a side open, the place is as wide as high."""
+        from scipy.optimize import linprog  # takes half a second
+
         lid = self.damper.lid_wall
         planes = [plane for plane in container.planes if plane.name != lid]
         normal = np.array([plane.normal for plane in planes]) @ self.frame.T

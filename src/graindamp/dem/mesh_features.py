@@ -27,7 +27,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -204,6 +203,8 @@ def _vertices(
     for e in ridge.tolist():
         leaving.setdefault(int(end[e, 0]), []).append(starting[e])
         leaving.setdefault(int(end[e, 1]), []).append(-ending[e])
+    from scipy.optimize import nnls  # takes half a second, and few dampers are meshes
+
     tips = {v for v, rows in leaving.items() if len(rows) >= 3}  # a tip has three convex edges or more
     for e in concave.tolist():
         for v, row in ((int(end[e, 0]), starting[e]), (int(end[e, 1]), -ending[e])):

@@ -72,9 +72,10 @@ class Notes:
         """Write down energies, centre of mass, and how the bed moves."""
         if self.stirred is not None:
             self.stirred.sample(worlds, round(self.since(worlds) / self.plan.time_step))
+        now, centre = energies(worlds), self.mass @ worlds.particles.position[0, :, :3] / self.mass.sum()
         self.times.append(self.since(worlds))
-        self.energies.append(energies(worlds))
-        self.centres.append(self.mass @ worlds.particles.position[0, :, :3] / self.mass.sum())
+        self.energies.append(now)
+        self.centres.append(centre)
 
     def snapshot(self, worlds: Worlds) -> None:
         """Write down all particles."""

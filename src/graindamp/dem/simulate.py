@@ -23,6 +23,7 @@ from graindamp.dem.timestep import expected_speed, shortest_contact
 from graindamp.dem.turned import turned
 from graindamp.dem.world import Bed, world_of
 from graindamp.errors import InputError
+from graindamp.interrupt import Interruption, deferred
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.status import Status
 
@@ -46,7 +47,8 @@ def simulate(
 ) -> Run:
     """Simulate one operating point.
 
-    Ctrl-C ends the run early: what there is so far comes back with `Status.INTERRUPTED`.
+    Ctrl-C ends the run early: what there is so far comes back with `Status.INTERRUPTED`. A second one
+    interrupts at once.
 
     Args:
         spec: what to simulate.
@@ -73,22 +75,28 @@ def simulate(
             f"start holds {len(start.position)} particles, the bed {len(packing.radius)}; start from a run of this bed"
         )
     scene = _scene(spec, packing, folder, start)
-    plan, motion = scene.plan, scene.motion
-    status, stopped = 0, False
     worlds = engine.start(scene.worlds)
-    if start is None:
-        try:
-            worlds = _settle(worlds, plan, progress)
-        except KeyboardInterrupt:
-            stopped = True
-    worlds = _set_off(worlds, motion, plan, len(scene.enclosure.names), start, packing)
-    notes = Notes(spec, worlds, packing, scene.enclosure, plan, scene.contact_at_one)
+    with deferred() as interruption:
+        if start is None:
+            worlds = _settle(worlds, scene.plan, interruption, progress)
+        worlds = _set_off(worlds, scene.motion, scene.plan, len(scene.enclosure.names), start, packing)
+        notes = Notes(spec, worlds, packing, scene.enclosure, scene.plan, scene.contact_at_one)
+        return _shake(worlds, notes, interruption, enough, progress)
+
+
+def _shake(
+    worlds: Worlds, notes: Notes, interruption: Interruption, enough: Enough | None, progress: Progress | None
+) -> Run:
+    """Move the container, until the end of the plan or an earlier one, and write down what happens."""
+    spec, plan = notes.spec, notes.plan
+    integrate = engine.run if spec.run.integrator == "verlet" else _gear(spec, notes.packing)
     start_clock = clock_of_the_wall.perf_counter()
-    integrate = engine.run if spec.run.integrator == "verlet" else _gear(spec, packing)
     notes.energy(worlds)
-    done = 0
+    done, status = 0, 0
     try:
-        for stop in [] if stopped else plan.stops:
+        for stop in plan.stops:
+            if interruption.asked:
+                break
             worlds, done = integrate(worlds, stop - done), stop
             status |= int(worlds.clock.status[0])
             if status or notes.lost(worlds):
@@ -106,9 +114,9 @@ def simulate(
             if enough is not None and plan.per_cycle and not stop % plan.per_cycle and enough(notes.cycles(worlds)):
                 break
     except KeyboardInterrupt:
-        stopped = True
+        interruption.asked = True
     seconds = clock_of_the_wall.perf_counter() - start_clock
-    if stopped:
+    if interruption.asked and done < plan.n_step:
         status |= int(Status.INTERRUPTED)
     return notes.run(worlds, done, seconds, status)
 
@@ -147,9 +155,11 @@ def _scene(spec: SimulationSpec, packing: Packing, folder: Path | None, start: B
     return _Scene(worlds, enclosure, motion, plan, at_one)
 
 
-def _settle(worlds: Worlds, plan: Plan, progress: Progress | None) -> Worlds:
+def _settle(worlds: Worlds, plan: Plan, interruption: Interruption, progress: Progress | None) -> Worlds:
     pieces = 20
     for piece in range(pieces):
+        if interruption.asked:
+            break
         worlds = engine.run(worlds, plan.n_settle * (piece + 1) // pieces - plan.n_settle * piece // pieces)
         if worlds.clock.status[0]:
             break

@@ -163,7 +163,7 @@ class RandomMotion(Spec):
     frequencies: Annotated[tuple[Frequency, ...], BeforeValidator(_two_or_more)]
     """Corner frequencies of the spectrum [Hz], > 0, ascending; nothing moves beyond the first and the last."""
     psd: Annotated[tuple[SpectralDensity, ...], BeforeValidator(_two_or_more)]
-    """One-sided spectral density of acceleration at each corner [(m/s^2)^2/Hz], >= 0, or with a unit, "0.04 g^2/Hz";
+    """One-sided spectral density of acceleration at each corner [(m/s^2)^2/Hz], > 0, or with a unit, "0.04 g^2/Hz";
     linear between corners on two logarithmic axes."""
     duration: Duration
     """Duration [s], > 0; the motion repeats after it, so that its spectrum has lines 1/duration apart."""
@@ -180,6 +180,12 @@ class RandomMotion(Spec):
             raise InputError(f"frequencies must ascend, given {', '.join(f'{f:g}' for f in self.frequencies)} Hz")
         if not any(self.psd):
             raise InputError('psd is 0 everywhere; for a container at rest choose kind = "rest"')
+        for f, density in zip(self.frequencies, self.psd, strict=True):
+            if density == 0:
+                raise InputError(
+                    f"psd is 0 at {f:g} Hz, which has no place on a logarithmic axis; let frequencies end before it, "
+                    "or give a small value"
+                )
         if self.duration * (self.frequencies[-1] - self.frequencies[0]) < 1:
             raise InputError(
                 f"spectral lines 1/{self.duration:g} Hz apart leave none between {self.frequencies[0]:g} and "

@@ -72,7 +72,8 @@ class PackingSpec(Spec):
 
     method: Literal["pour", "grow"] = "pour"
     """ "pour": particles fall from random places, as in a real damper; "grow": they grow from points, quicker and
-    without a heap."""
+    without a heap. Pouring needs one flat wall above, which is opened for it: in spheres, in meshes, and in cylinders
+    that are filled across their axis particles grow, and then fall along `direction`, either way."""
     direction: Direction | None = None
     """Direction of gravity while the bed is poured; default: along the axis of a cylinder from "end" to "start", else
     "-z"."""
@@ -191,7 +192,8 @@ class DamperSpec(Spec):
         if volume is not None and count is not None and count * sphere > DENSEST_PACKING * volume:
             raise InputError(
                 f"{count} particles fill {count * sphere / volume:.2f} of the container, but equal spheres at most "
-                "0.74, and poured at random about 0.6; lower fill or enlarge the container"
+                f"0.74, and poured at random about 0.6, {math.floor(0.6 * volume / sphere)} particles; lower fill or "
+                "enlarge the container"
             )
         return self
 
