@@ -1,6 +1,6 @@
 """Configuration 4: one layer of one to four rows of nine balls, over U/d.
 
-    python configuration_4.py [--out FOLDER] [--seeds 1] [--restitution 0.6] [--no-turning]
+    python configuration_4.py [--out FOLDER] [--seeds 3] [--restitution 0.6] [--no-turning]
 
 Writes configuration-4*.png and prints the numbers; runs that are there already are not run again.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import witt_dampers
 from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases, plain_ticks
-from decays import RATE, Ringing, cycles_of, kept, peak, ring
+from decays import RATE, Ringing, closing, cycles_of, peak, ring
 from matplotlib.figure import Figure
 
 from graindamp.report.figures import COLORS, MARKERS, save
@@ -22,6 +22,9 @@ SOFTENING = 100.0
 
 DISPLACEMENTS = (1e-3, 2e-3, 4e-3, 6e-3, 8e-3, 10e-3)
 """Initial displacements U0 [m]."""
+
+STEPS_PER_CONTACT = 30
+"""Time steps in the contact of the fastest impact that could happen [-]."""
 
 DURATION = 1.0
 """Time that a decay is followed for [s]."""
@@ -53,15 +56,15 @@ def rows_run(folder: Path, n_row: int, clearance: float, displacement: float, se
     """One decay; clearance and initial displacement [m], seed of the balls' places."""
     whole = witt_dampers.structure()
 
-    def make() -> Ringing:
+    def make(steps: int) -> Ringing:
         damper, bed = witt_dampers.rows(n_row, clearance, seed=seed, restitution=kind.restitution, softening=SOFTENING)
         carried = witt_dampers.mounted(damper, bed, kind.turning)
         case = witt_dampers.decay_case(whole, (carried,), displacement, DURATION, RATE)
-        return ring(case._replace(steps_per_contact=30), displacement, whole.mass)
+        return ring(case._replace(steps_per_contact=steps), displacement, whole.mass)
 
     name = f"c4-{n_row}rows-d{1e3 * clearance:g}-u{1e3 * displacement:g}-e{kind.restitution:g}-s{seed}"
     name += "-turning" if kind.turning else ""
-    return kept(folder, name, make)
+    return closing(folder, name, make, STEPS_PER_CONTACT)
 
 
 def family_of(folder: Path, n_row: int, seeds: int, kind: Kind) -> Family:
@@ -138,7 +141,7 @@ def tell(n_row: int, family: Family) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
-    parser.add_argument("--seeds", type=int, default=1, help="places of the balls at the start")
+    parser.add_argument("--seeds", type=int, default=3, help="places of the balls at the start")
     parser.add_argument("--restitution", type=float, default=witt_dampers.STEEL_RESTITUTION)
     parser.add_argument("--no-turning", action="store_true", help="the enclosure only moves to and fro")
     asked = parser.parse_args()

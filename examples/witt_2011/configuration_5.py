@@ -1,6 +1,6 @@
 """Configuration 5: beds of lead shot of several layers, the 36 runs of Table 4.2, over Gamma and over beta.
 
-    python configuration_5.py [--out FOLDER] [--seeds 1] [--softening 1000] [--runs 1 2 3] [--no-run]
+    python configuration_5.py [--out FOLDER] [--seeds 3] [--softening 1000] [--runs 1 2 3] [--no-run]
 
 Writes configuration-5.png and prints the numbers; runs that are there already are not run again.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import witt_dampers
 from configuration_1 import PSI_LABEL, plain_ticks
-from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring
+from decays import RATE, Curve, Ringing, closing, curve, cycles_of, peak, ring
 from matplotlib.figure import Figure
 
 from graindamp.design.layers import beta, critical_intensity
@@ -58,7 +58,7 @@ def run_of(
     whole = witt_dampers.structure()
     ratio = witt_dampers.COUNTS[length][height] * witt_dampers.SHOT_MASS / whole.mass
 
-    def make() -> Ringing:
+    def make(steps: int) -> Ringing:
         damper = witt_dampers.layers(length, height, seed=seed, softening=softening, **options)
         carried = witt_dampers.mounted(damper, witt_dampers.poured(damper), turning)
         time_of = duration or duration_of(ratio, displacement)
@@ -69,7 +69,7 @@ def run_of(
     changed += "" if steps == STEPS_PER_CONTACT else f"-steps-{steps}"
     changed += "" if duration is None else f"-{duration:g}s"
     changed += "-turning" if turning else ""
-    return kept(folder, f"c5-{number + 1:02d}-s{seed}-softening-{softening:g}{changed}", make)
+    return closing(folder, f"c5-{number + 1:02d}-s{seed}-softening-{softening:g}{changed}", make, steps)
 
 
 SHAPES = {1e-3: "^", 2.5e-3: "o", 5e-3: "s"}
@@ -210,7 +210,7 @@ def run_all(folder: Path, seeds: int, softening: float, numbers: Sequence[int] =
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("witt-2011"), help="folder of results")
-    parser.add_argument("--seeds", type=int, default=1, help="beds of each kind")
+    parser.add_argument("--seeds", type=int, default=3, help="beds of each kind")
     parser.add_argument("--softening", type=float, default=SOFTENING)
     parser.add_argument("--runs", type=int, nargs="*", help="numbers as in Table 4.2; default: all")
     parser.add_argument("--no-run", action="store_true", help="draw what is there")

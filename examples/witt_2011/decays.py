@@ -69,6 +69,16 @@ def kept(folder: Path, name: str, make: Callable[[], Ringing]) -> Ringing:
     return run._replace(name=name)
 
 
+CLOSURE = 1e-3
+"""Largest part of the energy that a run may leave open, over the throughput [-]."""
+
+
+def closing(folder: Path, name: str, make: Callable[[int], Ringing], steps: int) -> Ringing:
+    """A run with so many time steps per contact, or with half as many more if its energy does not close."""
+    run = kept(folder, name, lambda: make(steps))
+    return run if run.residual <= CLOSURE else kept(folder, f"{name}-finer", lambda: make(3 * steps // 2))
+
+
 def ring(case: Case, displacement: float, mass: float) -> Ringing:
     """A co-simulated decay; initial displacement of the tip [m], mass of the structure reduced to it [kg]."""
     return ringing_of(cosimulate(case), displacement, mass)
