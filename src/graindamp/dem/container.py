@@ -1,14 +1,13 @@
 """From a described container to the numeric elements of its walls."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from graindamp.dem.interactions import Interactions
 from graindamp.dem.laws import NormalLaw
-from graindamp.dem.mesh_features import MeshFeatures
 from graindamp.dem.walls import FOAM_FIRST, N_SHAPE, WallKind
 from graindamp.spec.container import (
     BoxContainer,
@@ -23,6 +22,9 @@ from graindamp.spec.container import (
     with_number,
 )
 from graindamp.spec.simulation import DamperSpec
+
+if TYPE_CHECKING:
+    from graindamp.dem.mesh_features import MeshFeatures
 
 Real = NDArray[np.float64]
 
@@ -58,7 +60,7 @@ class Enclosure(NamedTuple):
     """Number of plain elements."""
     edges: Real
     """Planes of the edges at vertices of meshes; (edge, 4)."""
-    mesh: MeshFeatures | None
+    mesh: "MeshFeatures | None"
     """Features of the mesh, for its grid; None without one."""
 
 
@@ -199,7 +201,7 @@ def _foam_scale(damper: DamperSpec) -> float:
     return float((6.0 * volume / np.pi) ** (2.0 / 3.0))
 
 
-def _mesh_elements(mesh: MeshFeatures, material: int, group: int, n_before: int) -> tuple[list[Element], Real]:
+def _mesh_elements(mesh: "MeshFeatures", material: int, group: int, n_before: int) -> tuple[list[Element], Real]:
     """Faces, edges and vertices of a mesh in the order of its grid, and the planes of its vertices."""
     elements = []
     n_patch = int(mesh.face_patch.max()) + 1
