@@ -13,16 +13,17 @@ ROOT = Path(graindamp.__file__).parent
 
 ALLOWED = {
     "errors": set(),
+    "interrupt": set(),
     "status": set(),
     "units": set(),
     "materials": {"errors"},
     "spec": {"errors", "units", "materials"},
-    "dem": {"errors", "status", "units", "materials", "spec"},
+    "dem": {"errors", "interrupt", "status", "units", "materials", "spec"},
     "signals": {"errors", "status", "units", "spec", "dem"},
     "field": {"errors", "status", "units", "spec", "signals"},
     "campaign": {"errors", "status", "units", "spec", "dem", "signals", "field"},
     "structure": {"errors", "units", "spec", "materials"},
-    "couple": {"errors", "status", "units", "spec", "dem", "field", "structure"},
+    "couple": {"errors", "interrupt", "status", "units", "spec", "dem", "field", "structure"},
     "impact": {"errors", "status", "units", "spec", "field", "structure"},
     "design": {"errors", "units", "couple", "field", "impact"},
     "report": {
