@@ -20,7 +20,7 @@ from dem_made import (
     state_of,
 )
 from graindamp.dem.columns import LOSS_LID
-from graindamp.dem.energy import energies
+from graindamp.dem.energy import energies, velocity_now
 from graindamp.dem.engine import run, start
 from graindamp.dem.walls import N_SHAPE, WallKind, nearest
 
@@ -289,6 +289,7 @@ def test_foam_bottoms_out_on_the_lid():
     ("centre", "distance", "normal"),
     [
         ((0.3, 0.0, 0.2), 0.2, (0.0, 0.0, 1.0)),  # above the disc
+        ((0.3, 0.0, -0.2), 0.2, (0.0, 0.0, -1.0)),  # below it
         ((1.3, 0.0, 0.4), 0.5, (0.6, 0.0, 0.8)),  # beyond its rim, a 3-4-5 triangle away
         ((0.0, -1.2, 0.0), 0.2, (0.0, -1.0, 0.0)),  # beside it, in its plane
     ],
@@ -299,3 +300,15 @@ def test_nearest_point_of_a_disc(centre, distance, normal):
     shapes[0, 3:7] = 0.0, 0.0, 1.0, 1.0
     found = nearest(np.int32(WallKind.DISC), shapes, 0, np.zeros((1, 4)), *centre, 0.1)
     assert found == pytest.approx((distance, *normal), abs=1e-12)
+
+
+@pytest.mark.parametrize(("x", "met"), [(4.5e-3, True), (7e-3, False)])
+def test_a_ball_bounces_on_a_disc_and_falls_past_it(x, met):
+    """A described disc of radius 5 mm: a ball that falls on it bounces without loss, one 2 mm beyond its rim does not
+    touch it. The tolerance is that of the energy over an elastic contact in some 60 steps."""
+    disc = {"kind": "walls", "planes": [{"name": "plate", "point": [0, 0, 0], "normal": "z", "radius": 5e-3}]}
+    speed, step = 0.1, 1e-6
+    worlds = made(damper_of(container=disc, softening=1e4), step, [[x, 0.0, 1.2e-3]], 1e-3, velocity=(0.0, 0.0, -speed))
+    worlds = run(worlds, 20_000)
+    velocity = velocity_now(worlds)[0][0]
+    assert velocity == pytest.approx([0.0, 0.0, speed if met else -speed], abs=1e-3 * speed)

@@ -91,17 +91,18 @@ def enclosure_of(
     mesh: MeshFeatures | None = None
     lid_wall = damper.lid_wall if damper.lid is not None else damper._wall_above()
 
-    def plane(name: str, point: Real, normal: Real) -> None:
+    def plane(name: str, point: Real, normal: Real, radius: float | None = None) -> None:
         if name == lid_wall:
             if not closed:
                 return
             if lid_height is not None:
                 floor, up = _floor(damper)
                 point = floor + lid_height * up
-        elements.append(Element(WallKind.PLANE, (*point, *normal), interactions.wall[name], group[name]))
+        kind, rim = (WallKind.PLANE, ()) if radius is None else (WallKind.DISC, (radius,))
+        elements.append(Element(kind, (*point, *normal, *rim), interactions.wall[name], group[name]))
         if name in interactions.backing:
             behind = point - normal * _thickness(damper, name)
-            elements.append(Element(WallKind.PLANE, (*behind, *normal), interactions.backing[name], group[name]))
+            elements.append(Element(kind, (*behind, *normal, *rim), interactions.backing[name], group[name]))
 
     if isinstance(container, CylinderContainer):
         axis = _unit(container.axis)
@@ -120,7 +121,7 @@ def enclosure_of(
             elements.append(Element(WallKind.SPHERE_INSIDE, numbers, material, group["wall"]))
     elif isinstance(container, WallsContainer):
         for wall in container.planes:
-            plane(wall.name, np.asarray(wall.point), np.asarray(wall.normal))
+            plane(wall.name, np.asarray(wall.point), np.asarray(wall.normal), wall.radius)
 
     if isinstance(damper.lid, FoamLid) and closed:
         floor, up = _floor(damper)

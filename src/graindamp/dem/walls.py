@@ -15,7 +15,7 @@ class WallKind(IntEnum):
     PLANE = 0
     """Point (0-2), unit normal into the space of the particles (3-5)."""
     DISC = 1
-    """Centre (0-2), unit normal into the space of the particles (3-5), radius (6)."""
+    """A thin plate: centre (0-2), unit normal (3-5), radius (6)."""
     CYLINDER_INSIDE = 2
     """Point of the axis (0-2), unit axis (3-5), radius (6)."""
     SPHERE_INSIDE = 3
@@ -66,7 +66,8 @@ def nearest(kind, shapes, e, edges, x, y, z, radius):
         rx, ry, rz = rx - height * shape[3], ry - height * shape[4], rz - height * shape[5]
         off = sqrt(rx * rx + ry * ry + rz * rz)
         if off <= shape[6]:
-            return height, shape[3], shape[4], shape[5]
+            way = 1.0 if height >= 0.0 else -1.0
+            return way * height, way * shape[3], way * shape[4], way * shape[5]
         beyond = (off - shape[6]) / off
         return away(rx * beyond + height * shape[3], ry * beyond + height * shape[4], rz * beyond + height * shape[5])
     if kind == WallKind.SPHERE_INSIDE:

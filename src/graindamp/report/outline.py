@@ -63,10 +63,11 @@ def wall_triangles(damper: DamperSpec, enclosure: "Enclosure", reach: tuple[Real
             walls[name] = plane_in_box(plane.numbers[:3], plane.numbers[3:6], low, high)
     if "foam" in planes:
         walls["foam"] = plane_in_box(planes["foam"].numbers[:3], planes["foam"].numbers[3:6], low, high)
+    pieces = {WallKind.BOX_SOLID: _block, WallKind.CYLINDER_SOLID: _bar, WallKind.DISC: _disc}
     for element in enclosure.elements:
-        if element.kind not in (WallKind.BOX_SOLID, WallKind.CYLINDER_SOLID):
+        if element.kind not in pieces:
             continue
-        piece = _block(element) if element.kind == WallKind.BOX_SOLID else _bar(element)
+        piece = pieces[element.kind](element)
         name = enclosure.names[element.group]
         walls[name] = np.concatenate([walls[name], piece]) if name in walls else piece
     return walls
@@ -106,6 +107,15 @@ def _bar(element: "Element") -> Real:
     numbers = np.asarray(element.numbers, dtype=np.float64)
     along = (numbers[7] * numbers[3:6]).tolist()
     return np.asarray(tessellate_cylinder(numbers[:3].tolist(), along, numbers[6], _BAR_SIDES))
+
+
+def _disc(element: "Element") -> Real:
+    numbers = np.asarray(element.numbers, dtype=np.float64)
+    across = np.cross(numbers[3:6], np.eye(3)[np.argmin(np.abs(numbers[3:6]))])
+    across /= np.linalg.norm(across)
+    turn = np.linspace(0.0, 2.0 * np.pi, _BAR_SIDES + 1)[:, None]
+    rim = numbers[:3] + numbers[6] * (np.cos(turn) * across + np.sin(turn) * np.cross(numbers[3:6], across))
+    return np.stack([np.broadcast_to(numbers[:3], (_BAR_SIDES, 3)), rim[:-1], rim[1:]], axis=1)
 
 
 def plane_in_box(point: Real, normal: Real, low: Real, high: Real) -> Real:

@@ -243,7 +243,7 @@ class MeshContainer(_Container):
 
 
 class PlaneSpec(Spec):
-    """An endless plane with particles on one side."""
+    """An endless plane with particles on one side, or a disc."""
 
     name: str = Field(min_length=1)
     """Name of the wall."""
@@ -251,6 +251,9 @@ class PlaneSpec(Spec):
     """A point of the plane [m]."""
     normal: Direction
     """Direction into the space of the particles: "z" and the like, or a vector."""
+    radius: Length | None = None
+    """Radius of a disc about the point, a thin plate that particles meet from both sides and at its rim [m], > 0;
+    default: an endless plane."""
 
 
 class WallsContainer(_Container):

@@ -244,6 +244,9 @@ class DamperSpec(Spec):
             raise InputError(f"the lid's wall is '{self.lid.wall}'; allowed are {', '.join(self.container.wall_names)}")
         if self.lid_wall == "side":
             raise InputError('the lid cannot be the "side" of a cylinder; choose "start" or "end"')
+        planes = self.container.planes if isinstance(self.container, WallsContainer) else ()
+        if any(plane.name == self.lid_wall and plane.radius is not None for plane in planes):
+            raise InputError(f"the lid cannot be the disc '{self.lid_wall}'; choose a plane without radius")
         if above is not None and self.lid_wall != above:
             raise InputError(
                 f"the lid is to close wall '{self.lid_wall}', but the bed is poured away from wall '{above}'; "
