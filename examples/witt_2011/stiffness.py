@@ -27,7 +27,7 @@ def variants(folder: Path, number: int) -> dict[str, Ringing]:
         f"softening {SOFTENING:g}": whole._replace(velocity=whole.velocity[: round(DURATION * RATE) + 1]),
         "softening 300": run_of(number, folder, softening=300.0, duration=DURATION),
         "softening 100": run_of(number, folder, softening=100.0, duration=DURATION),
-        "time step halved": run_of(number, folder, steps=40, duration=DURATION),
+        "40 steps per contact": run_of(number, folder, steps=40, duration=DURATION),
         "another bed": run_of(number, folder, seed=1, duration=DURATION),
         "friction 0.5": run_of(number, folder, friction=0.5, duration=DURATION),
         "restitution 0.6": run_of(number, folder, restitution=0.6, duration=DURATION),
