@@ -99,7 +99,9 @@ def test_1_two_equal_spheres(material, overlap, force, time):
 def test_2_sphere_on_rigid_plane(material, overlap, force, time):
     worlds = made(damper_of(material, RIGID), time / 400, [[0, 0, 0.1]], 0.1, [[0, 0, -0.2]])
     assert watched(worlds, 450) == pytest.approx((overlap, force, time), rel=PEAK, abs=1.1 * time / 400)  # whole steps
-    assert state_of(worlds)[1][0] == pytest.approx([0, 0, 0.2], rel=1e-5)
+    # Conservative: the error of both halves cancels but for where the contact ends within a step; measured 4e-8. A
+    # loss of the second order would be 1 / 400^2, times pi^2 / 4, and fail.
+    assert state_of(worlds)[1][0] == pytest.approx([0, 0, 0.2], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -207,8 +209,12 @@ def test_4_oblique_impact_is_what_its_equations_say(material):
 def test_5_oblique_impact_at_fixed_normal_speed(material):
     """Sliding throughout: slip over mu v_n drops by 7, spin by 5. Between sticking and sliding: a minimum.
 
-    For restitution near 1 the curve depends on Poisson's ratio alone. Test 4, digitised and put into the same numbers
-    (slip changes by 3.5 times the centre's speed), runs through -0.92, -1.36, -1.43, -0.67 at 2.9, 4.0, 5.1, 6.3.
+    The figure of this test has three curves that differ there. Finite elements turn at -1.72, between 4.0 and 4.8. The
+    spring codes of the paper go down to -2.79 (steel) and -2.95 (polyethylene) at 4.0, where sliding in one direction
+    throughout would give 4 - 7 = -3: no spring of Mindlin's stiffness does that, -1.66 and -1.79 is the least even if
+    its force is not lowered as the contact unloads. Test 4, digitised and put into the same numbers (slip changes by
+    3.5 times the centre's speed), runs through -0.92, -1.36, -1.43, -0.67 at 2.9, 4.0, 5.1, 6.3, as here. The finite
+    elements and test 4 are what is held, not the codes.
     """
     radius, speed, friction = 1e-5, 5.0, 0.3
     slip = np.array([1, 2, 3, 3.5, 4, 4.5, 5, 6, 9, 12, 15, 20])
@@ -222,9 +228,8 @@ def test_5_oblique_impact_at_fixed_normal_speed(material):
     np.testing.assert_allclose(rebound[sliding], slip[sliding] - 7.0, atol=5.0 * share)
     least = np.argmin(rebound)
     assert 4.0 <= slip[least] <= 5.0
-    assert rebound[least] == pytest.approx(
-        -1.43, abs=0.25
-    )  # digitised for 0.23, and spread by Poisson's ratio up to 0.4
+    # Measured -1.49 and -1.64: the law leaves out micro-slip, and the curve spreads by Poisson's ratio.
+    assert rebound[least] == pytest.approx(-1.72, abs=0.25)
 
 
 SPINS = np.array([0.5, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 12.0, 18.0])

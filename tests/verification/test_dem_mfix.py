@@ -72,24 +72,31 @@ def test_dem01_free_fall_contact_and_rebound(stiffness, restitution):
     assert (np.array(errors) * (200, 400, 800, 1600) < bound).all()
 
 
-def test_dem02_heights_of_bounces_converge_as_the_spring_hardens():
+@pytest.mark.parametrize("restitution", [0.6, 0.8, 0.95, 1.0])
+def test_dem02_heights_of_bounces_converge_as_the_spring_hardens(restitution):
     """h_k = (h0 - r) e^2k + r belongs to impacts without duration: the rest falls with the time in contact, k^-1/2."""
-    radius, height, restitution, n_bounce = 0.1, 0.5, 0.8, 4
+    radius, height, n_bounce = 0.1, 0.5, 4
     expected = radius + (height - radius) * restitution ** (2 * np.arange(1, n_bounce + 1))
-    mass = mass_of(radius, 2600.0)
+    mass, speed = mass_of(radius, 2600.0), sqrt(2 * GRAVITY * (height - radius))
+    zeta = -log(restitution) / sqrt(log(restitution) ** 2 + pi**2)
     errors = []
     for stiffness in (5e4, 5e5, 5e6):
-        time_step = pi * sqrt(mass / stiffness) / 100
+        omega = sqrt(stiffness / mass)
+        time_step, n_sample = pi / omega / 200, 20
         worlds = drop(radius, height, stiffness, restitution, time_step)
         path = []
-        while worlds.clock.time[0] < 2.0:
-            worlds = run(worlds, 20)
+        while worlds.clock.time[0] < (2.0 if restitution < 0.9 else 4.0):
+            worlds = run(worlds, n_sample)
             path.append(worlds.particles.position[0, 0, 2])
         path = np.array(path)
         tops = path[1:-1][(path[1:-1] > path[:-2]) & (path[1:-1] >= path[2:])][:n_bounce]
         errors.append(np.max(abs(tops - expected)))
-    assert errors[2] < 1.5e-3
-    for a, b in pairwise(errors):
+        # The weight's part in the speed, g/omega, changes the loss of the dashpot, 2 zeta omega m times the integral of
+        # the speed squared, by about 4 zeta m g v/omega: so much weight times height per bounce, of which later ones
+        # keep e^2. A quarter more for the dashpot's jump within a step; the top lies between two samples.
+        shift = 4 * zeta * speed / omega * np.sum(restitution ** (2 * np.arange(n_bounce)))
+        assert errors[-1] < 1.25 * shift + 0.5 * GRAVITY * (0.5 * n_sample * time_step) ** 2 + 1e-5
+    for a, b in pairwise(errors if restitution < 1.0 else []):
         assert a / b == pytest.approx(sqrt(10), rel=0.5)  # the first-order jump of the dashpot, at some part of a step
 
 
@@ -131,7 +138,8 @@ def test_dem03_two_balls_squeezed_between_plates(restitution):
         worlds = made(damper, period / n_step, position, radius, material=[0, 1], gravity=DOWN)
         worlds = run(worlds, 4 * n_step)
         errors.append(np.max(abs(state_of(worlds)[0][:, 2] - exact)))
-    assert errors[0] < 0.01 * radius
+    # Second order: (omega dt)^2/24 = 2e-4 of a phase of 4 pi, of swings of some tenths of the radius; measured 3e-4.
+    assert errors[0] < 1e-3 * radius
     for a, b in pairwise(errors):
         assert a / b == pytest.approx(4, rel=0.1)  # next-order term
 
@@ -178,6 +186,7 @@ def test_dem05_oblique_impact_on_glass():
     worlds = run(worlds, int(40e-6 / time_step))
     _, after, _ = state_of(worlds)
     assert (after[:, 2] > 0).all()
-    # 0.01: scatter of the experiment in sliding; 0.03: micro-slip, which the law leaves out, at 10 to 20 degrees.
-    tolerance = np.where(np.degrees(angle) > 25, 0.01, 0.04)
+    # 0.01: scatter of the experiment in sliding. 0.03: micro-slip, which the law leaves out, at 10 to 20 degrees;
+    # measured 0.025 at 10.
+    tolerance = np.where(np.degrees(angle) > 25, 0.01, 0.03)
     assert (abs(after[:, 0] / velocity[:, 0] - measured) < tolerance).all()
