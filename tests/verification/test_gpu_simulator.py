@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")
 
-from dem_made import FLOOR, STEEL, damper_of, harmonic, loose
+from dem_made import FLOOR, STEEL, channel, damper_of, harmonic, loose
 from gpu_made import Team, bed_of, both, packing_of, quick_turns, spec_of
 from graindamp.dem.gpu import batch, load, memory
 from graindamp.dem.gpu.batch import Task, simulate_batch
@@ -98,6 +98,19 @@ def test_restitution_of_one_ball(precision, restitution):
     cpu, device = both(damper, bed, motion_at_rest, 5e-6, 90, precision, gravity=(0.0, 0.0, 0.0))
     assert device[1][0, 2] == pytest.approx(0.1 * restitution, rel=0.02)
     assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+def test_nanometres_of_overlap_far_from_the_origin():
+    """Mixed precision keeps positions and their differences double. Half a metre from the origin single precision knows
+    places to 30 nm; two balls and a ball at a wall overlap by 2 nm there, and the force follows."""
+    far, overlap, radius = 0.5, 2e-9, 1e-3
+    damper = damper_of(STEEL, STEEL, channel(far + radius - overlap), restitution=0.9)
+    places = [[far, 0.0, far], [far, 0.0, far - 2 * radius + overlap], [-far, far, far]]
+    cpu, device = both(damper, bed_of(places, radius), motion_at_rest, 1e-7, 40, "mixed", gravity=(0.0, 0.0, 0.0))
+    assert cpu[3].stored > 0.0
+    assert np.all(np.abs(cpu[1][:, 2]) > 1e-6)
+    # The overlap is what is left of places of 0.5 m that double precision knows to 6e-17 m: 3e-8 of it.
+    assert_close(device, cpu, MIXED)
 
 
 @pytest.mark.parametrize("precision", ["double", "mixed"])
