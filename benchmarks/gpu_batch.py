@@ -9,6 +9,7 @@ import numpy as np
 
 import particle_steps_per_second as rates
 from graindamp.dem.container import Enclosure, enclosure_of
+from graindamp.dem.engine import run
 from graindamp.dem.excitation import motion_of
 from graindamp.dem.interactions import Interactions, interactions_of
 from graindamp.dem.world import Bed
@@ -52,7 +53,7 @@ class Batch:
     """Worlds of one scene on the device, without a queue: what is timed."""
 
     def __init__(self, scene: Scene, worlds: int, precision: str, threads: int, n_step: int, **options: Any) -> None:
-        """`worlds` worlds at the scene's phases in turn, to run for at most `n_step` steps."""
+        """`worlds` worlds at the scene's phases in turn, from the option `phase` on, for at most `n_step` steps."""
         from graindamp.dem.gpu.batch import PRECISION
         from graindamp.dem.gpu.columns import NEW, STAGE, TARGET
         from graindamp.dem.gpu.device import Variant
@@ -62,7 +63,8 @@ class Batch:
 
         self.threads, self.worlds, self.n = threads, worlds, len(scene.states[0].bed.radius)
         loads = []
-        for state in scene.states:
+        phase = options.get("phase", 0)
+        for state in [*scene.states[phase:], *scene.states[:phase]][:worlds]:
             motion = motion_of(rates.spec_of(self.n).motion, start=-state.time)
             given = (state.bed.velocity, state.bed.spin)
             loads.append(
@@ -122,6 +124,35 @@ def rate(batch: Batch, seconds: float) -> float:
     n_step = max(int(chunk * seconds / spent), 5)
     spent, work = batch.go(n_step)
     return work / spent
+
+
+def rate_alone(scene: Scene, seconds: float, **options: Any) -> float:
+    """Particle-steps per second of one world, mean over the phases of a cycle with equal steps at each."""
+    size = threads()
+    per_phase = [
+        rate(Batch(scene, 1, "mixed", size, 10**7, phase=phase, **options), seconds)
+        for phase in range(len(scene.states))
+    ]
+    return len(per_phase) / sum(1.0 / value for value in per_phase)
+
+
+def rate_on_a_core(scene: Scene, work: float, repeat: int = 3) -> float:
+    """The same on one core of the processor: particle-steps per second of processor time, the best of `repeat` times
+    about `work` particle-steps at each phase."""
+    n = len(scene.states[0].bed.radius)
+    n_step, spent = max(int(work / n), 20), 0.0
+    for state in scene.states:
+        worlds = rates.world_at(
+            state, scene.damper, scene.enclosure, scene.interactions, rates.TIME_STEP, (repeat + 1) * n_step
+        )
+        worlds = run(worlds, 20)
+        seconds = []
+        for _ in range(repeat):
+            begin = time.process_time()
+            worlds = run(worlds, n_step)
+            seconds.append(time.process_time() - begin)
+        spent += min(seconds)
+    return len(scene.states) * n_step * n / spent
 
 
 def threads() -> int:

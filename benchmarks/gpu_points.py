@@ -3,55 +3,34 @@
 import csv
 import math
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gpu_contacts import balls, box
 from gpu_report import Clock, OutOfTime, Report
-from graindamp.dem.packing import pack
+from graindamp.dem.packing import PHYSICS, pack
 from graindamp.dem.simulate import simulate
+from graindamp.dem.turned import turned
 from graindamp.signals.simulated import ratios_of
-from graindamp.signals.stopping import Stopping, estimate
+from graindamp.signals.stopping import LEAST_CYCLES, Stopping, estimate
 from graindamp.spec.field import FieldSpec
-from graindamp.spec.model import load_spec, parse_spec
+from graindamp.spec.model import load_spec
 from graindamp.spec.simulation import SimulationSpec
-from graindamp.status import Status
+from graindamp.status import FATAL, Status
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 FIELD = [(f, gamma) for f in (40.0, 80.0, 150.0, 300.0, 600.0, 1000.0) for gamma in (1.0, 3.0, 10.0, 30.0)]
 BASELINE = [(100.0, 40.0), (60.0, 10.0), (250.0, 20.0), (500.0, 5.0)]
 
 
-def drop(restitution: float) -> SimulationSpec:
-    """A ball that meets the end of a box once."""
-    told = {
-        "damper": {
-            "gravity": [0.0, 0.0, 0.0],
-            "particles": [{"material": "steel", "radius": 1e-3}],
-            "fill": {"count": 1},
-            "container": {"kind": "box", "size": [0.01, 0.01, 0.01], "material": "steel"},
-            "contact": {"restitution": restitution, "friction": 0.0, "softening": 1e4},
-        },
-        "motion": {"kind": "harmonic", "frequency": 500.0, "intensity": 50.0, "direction": "x"},
-        "run": {"cycles": 1, "settle": 1e-5},
-    }
-    return parse_spec(told, SimulationSpec, "drop")
-
-
-def ball() -> Any:
-    """Its bed."""
-    from graindamp.dem.packing_store import Packing
-
-    place = np.array([[1.02e-3, 5e-3, 5e-3]])
-    nan = math.nan
-    return Packing(place, np.array([1e-3]), np.zeros(1, np.int32), nan, nan, nan, nan, None, None, 0, 0.0)
-
-
 def points_of(which: str, rehearse: bool) -> list[SimulationSpec]:
     """Operating points that are compared with the processor."""
     if rehearse:
-        return [drop(0.5), drop(0.8)]
+        return [box(1, 500.0, 50.0, restitution=e) for e in (0.5, 0.8)]
     if which == "field":
         field = load_spec(EXAMPLES / "small-damper-field.toml", FieldSpec)
         return [field.at(f, gamma) for f, gamma in FIELD]
@@ -62,6 +41,10 @@ def points_of(which: str, rehearse: bool) -> list[SimulationSpec]:
     ]
 
 
+TEAM = 32
+"""Blocks that share each of the few worlds of the baseline damper [-]."""
+HURRY = 25.0
+"""Time before the end of the part at which points end with the cycles that they have [s]."""
 SPREAD = 0.05
 """Over the larger of eta and 0.05: by how much runs of the same bed differ beyond the standard errors that they see in
 themselves [-]; eta wanders by 5 to 10 % over 50 to 100 cycles (results/stopping_rule.md)."""
@@ -70,18 +53,20 @@ themselves [-]; eta wanders by 5 to 10 % over 50 to 100 cycles (results/stopping
 class Rule:
     """The stopping rule of fields for one operating point, as the batch asks it."""
 
-    def __init__(self, spec: SimulationSpec, mass: float) -> None:
-        """`mass` is that of the bed [kg]."""
+    next_look = LEAST_CYCLES
+    """Cycles before which it need not be asked."""
+
+    def __init__(self, spec: SimulationSpec, mass: float, hurry: Callable[[], bool] = lambda: False) -> None:
+        """`mass` is that of the bed [kg]; once `hurry` says so, the fewest cycles that a mean can be taken over are
+        enough, with the larger standard error that they have."""
         assert spec.base_frequency is not None
         self.stopping, self.omega, self.mass = Stopping(0.02, 0.05, 12), 2.0 * math.pi * spec.base_frequency, mass
-
-    @property
-    def next_look(self) -> int:
-        """Cycles before which it need not be asked."""
-        return self.stopping.next_look
+        self.hurry = hurry
 
     def __call__(self, cycles: Any) -> bool:
         """Whether the run may end."""
+        if len(cycles.force) >= LEAST_CYCLES and self.hurry():
+            return True
         values = ratios_of(cycles.force, cycles.velocity, self.omega, self.mass)
         return self.stopping.enough(values.loss_factor, values.effective_mass_ratio)
 
@@ -95,42 +80,75 @@ def value_of(run_: Any) -> list[float]:
     return [e.loss_factor, e.loss_factor_se, e.effective_mass_ratio, e.effective_mass_ratio_se, float(e.n_cycle)]
 
 
-def packing_for(spec: SimulationSpec, data: Path, rehearse: bool) -> Any:
-    """The bed of an operating point; stored in `data`."""
-    return ball() if rehearse else pack(spec.damper, folder=EXAMPLES, cache=data)
+class Missing(Exception):
+    """A bed is not stored."""
+
+
+def packing_for(spec: SimulationSpec, data: Path, rehearse: bool, make: bool = False) -> Any:
+    """The bed of an operating point, at rest in its turned container, from the folder `data`; made now only if `make`.
+
+    Raises:
+        Missing: it is not there.
+    """
+    if rehearse:
+        return balls([[1.02e-3, 5e-3, 5e-3]])
+
+    def refuse(*_: Any) -> None:
+        raise Missing
+
+    progress = None if make else refuse
+    packing = pack(spec.damper, folder=EXAMPLES, cache=data, progress=progress)
+    turned(spec.damper, packing, physics=PHYSICS, folder=EXAMPLES, cache=data, progress=progress)
+    return packing
+
+
+def missing(data: Path) -> list[str]:
+    """What is needed and not in the folder `data`: nothing of it is made while the clock runs."""
+    found = []
+    for which in ("field", "baseline"):
+        if not (data / f"{which}.csv").exists():
+            found.append(f"answers of the processor, {which}.csv")
+        try:
+            packing_for(points_of(which, False)[0], data, False)
+        except Missing:
+            found.append(f"bed of {which}")
+    return found
 
 
 def check_points(which: str, data: Path, rehearse: bool, clock: Clock, report: Report, found: dict[str, Any]) -> None:
-    """Loss factor and effective mass of operating points within combined standard errors of the processor's."""
+    """Loss factor and effective mass of operating points within combined standard errors of the processor's. A point
+    without a value, or without the processor's, is a check that does not hold."""
     from graindamp.dem.gpu.batch import Task, simulate_batch
 
     specs = points_of(which, rehearse)
-    path = data / f"{which}.csv"
-    if not rehearse and not path.exists():
-        found["skipped"] = f"{path.name} is missing; make it with --prepare, that of the baseline with --baseline"
-        return
     tasks = [Task(spec, packing_for(spec, data, rehearse)) for spec in specs]
     if rehearse:
         known = [value_of(simulate(task.spec, packing=task.packing)) for task in tasks]
     else:
-        known = _read(path)
-        tasks, found["unknown"] = tasks[: len(known)], len(tasks) - len(known)
+        known = _read(data / f"{which}.csv")
     masses = [mass_of(task.spec, task.packing) for task in tasks]
     begin, steps, rows = time.perf_counter(), 0, []
+    few = which == "baseline" and not rehearse
     runs = simulate_batch(
-        tasks, enough=lambda k: Rule(specs[k], masses[k]), progress=lambda finished, work: clock.check()
+        tasks[: len(known)],
+        enough=lambda k: Rule(specs[k], masses[k], lambda: clock.left < HURRY),
+        progress=lambda finished, work: clock.check(),
+        cache=data,
+        slots=len(specs) if few else None,
+        team=TEAM if few else 1,
     )
-    try:
+    with suppress(OutOfTime):
         for number, run_ in runs:
+            report.demand(not run_.status & FATAL, f"{which}: point {number} ended with status {run_.status}")
             rows.append(_compared(number, value_of(run_), known[number]))
             steps += run_.n_step * len(run_.mass)
-    except OutOfTime:
-        left_out = sorted(set(range(len(tasks))) - {int(row[0]) for row in rows})
-        found["left_out"] = f"points {left_out}: no time left"
     rows.sort()
-    found |= {"seconds": time.perf_counter() - begin, "particle_steps": steps, "rows": rows}
+    seconds = time.perf_counter() - begin
+    found |= {"seconds": seconds, "particle_steps": steps, "rate": steps / seconds, "rows": rows}
+    left_out = sorted(set(range(len(specs))) - {int(row[0]) for row in rows})
+    report.demand(not left_out, f"{which}: points {left_out} have no value, or none of the processor")
     found["chi_square"] = [sum(row[-2] ** 2 for row in rows), sum(row[-1] ** 2 for row in rows)]
-    worst = max((abs(z) for row in rows for z in row[-2:]), default=0.0)
+    worst = max((abs(z) for row in rows for z in row[-2:]), default=math.inf)
     report.demand(worst < 4.0, f"{which}: a value is {worst:.1f} standard errors off")
     for name, column in (("eta", -2), ("m'", -1)):
         mean = sum(row[column] for row in rows) / max(len(rows), 1)
@@ -166,7 +184,7 @@ def prepare(which: str, data: Path, only_bed: bool = False) -> None:
     is known."""
     path = data / f"{which}.csv"
     specs = points_of(which, False)
-    packing_for(specs[0], data, False)
+    packing_for(specs[0], data, False, make=True)
     print(f"bed of {which} is ready", flush=True)
     if only_bed:
         return
@@ -178,7 +196,7 @@ def prepare(which: str, data: Path, only_bed: bool = False) -> None:
             table.writerow(["frequency", "intensity", "eta", "eta_se", "mass_ratio", "mass_ratio_se", "cycles"])
         for spec in specs[known:]:
             packing = packing_for(spec, data, False)
-            run_ = simulate(spec, packing=packing, enough=Rule(spec, mass_of(spec, packing)))
+            run_ = simulate(spec, packing=packing, cache=data, enough=Rule(spec, mass_of(spec, packing)))
             if run_.status & int(Status.INTERRUPTED):
                 raise KeyboardInterrupt
             motion: Any = spec.motion

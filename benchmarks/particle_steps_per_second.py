@@ -141,10 +141,15 @@ def state_of(worlds: Worlds, time_now: float) -> State:
     )
 
 
+def bed_path(n: int, soft_cycles: int, folder: Path) -> Path:
+    """File of a prepared bed."""
+    return folder / f"bed-{n}-{soft_cycles}.npz"
+
+
 def prepared(n: int, soft_cycles: int, folder: Path) -> tuple[list[State], float, float]:
     """States of a bed at eight phases of a cycle, length and radius of its cylinder [m]; stored in `folder`."""
     soft_cycles = min(soft_cycles, LARGE_SOFT_CYCLES) if n > LARGE else soft_cycles
-    path = folder / f"bed-{n}-{soft_cycles}.npz"
+    path = bed_path(n, soft_cycles, folder)
     spec = spec_of(n)
     assert spec.damper.container.kind == "cylinder"
     if not path.exists():

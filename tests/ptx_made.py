@@ -1,9 +1,10 @@
-"""Compiles kernels and contact laws for a Hopper GPU on a machine without one; run as a script, prints what is in the
-PTX as JSON. In a process of its own, because the other tests let numba simulate."""
+"""Compiles kernels and the forces of contacts for a Hopper GPU on a machine without one; run as a script, prints what
+is in the PTX as JSON. In a process of its own, because the other tests let numba simulate."""
 
 import json
 import re
 import sys
+from collections import Counter
 from typing import Any
 
 import numba
@@ -11,8 +12,7 @@ import numpy as np
 from numba import cuda, types
 from numba.cuda import dispatcher
 
-from graindamp.dem import laws, springs
-from graindamp.dem.gpu import forces, kernels, state
+from graindamp.dem.gpu import forces, kernels, state, touches
 from graindamp.dem.gpu.device import Builder, Variant
 
 CAPABILITY = (9, 0)
@@ -46,45 +46,62 @@ def kernel(name: str, variant: Variant) -> str:
     )[0]
 
 
-def function(body: Any, variant: Variant, arguments: tuple[Any, ...]) -> str:
-    """PTX of a function of scalars."""
-    body = getattr(body, "py_func", body)
-    return cuda.compile_ptx(Builder(variant).plain(body), arguments, device=True, cc=CAPABILITY)[0]
+COMPUTE = "add|sub|mul|fma|mad|div|sqrt|rsqrt|rcp|min|max|abs|neg|setp|ex2|lg2|sin|cos|tanh|copysign|cvt"
+"""Instructions that compute, compare or convert. Moves, loads and selections do not count."""
 
 
-def arithmetic(ptx: str, kind: str) -> int:
-    """Instructions that compute with numbers of type `kind`; moves, loads and conversions do not count."""
-    return len(re.findall(rf"^\s*(?:add|sub|mul|fma|div|sqrt|rcp|min|max)\.[a-z.]*{kind}\b", ptx, re.MULTILINE))
+def operations(ptx: str, kind: str) -> dict[str, int]:
+    """Number of instructions that compute with numbers of type `kind`, by name; conversions by direction, "cvt to" and
+    "cvt from" that type, and only between two kinds of numbers that are not whole."""
+    found: Counter[str] = Counter()
+    for name, rest in re.findall(rf"^\s*(?:@!?%\w+\s+)?({COMPUTE})\.([a-z0-9.]+)", ptx, re.MULTILINE):
+        types_of = [part for part in rest.split(".") if re.fullmatch(r"[fsub](?:16|32|64)|pred", part)]
+        if name != "cvt":
+            found[name] += kind in types_of
+        elif set(types_of) == {"f32", "f64"}:
+            found["cvt to" if types_of[0] == kind else "cvt from"] += 1
+    return {name: count for name, count in sorted(found.items()) if count}
 
 
-def laws_of(precision: str) -> dict[str, dict[str, int]]:
-    """Instructions of the working type and of the other one in every contact law."""
-    real, own, other = WORKING[precision]
-    x = numba.from_dtype(np.dtype(real))
-    variant, integer, flag = Variant(real), types.int64, types.boolean
+def _pair_held(w, step, i, j, p, rate, law, side, tangential, touched, grip, batch):
+    """Stands for the function that finds the constants of a contact at its onset, in double precision."""
+
+
+def _wall_held(w, step, i, e, t, rate, law, side, batch, grip):
+    """The same for walls."""
+
+
+def _plane(kind, shapes, e, edges, x, y, z, radius):
+    """Stands for `nearest`, which finds the nearest point of a wall, in double precision; computes nothing."""
+    return x, y, z, 1.0
+
+
+def forces_of() -> dict[str, dict[str, dict[str, int]]]:
+    """Instructions in the forces of pairs and of walls in mixed precision, by their kind: springs, rolling resistance
+    and foam are included; what is meant to be double throughout is replaced by functions that compute nothing."""
+    variant = Variant(np.float32, 512, springs=True, rolling=True)
+    whole, row, batch = types.int64, types.Array(types.float64, 1, "C"), batch_type(variant)
+    forces.take_hold, touches.take_hold, touches.nearest = _pair_held, _wall_held, _plane
     bodies = {
-        "smooth_contact": (forces.smooth_contact, (integer, flag, flag, *[x] * 12)),
-        "spring_force": (springs.spring_force, (x,) * 17),
-        "rolling_torque": (springs.rolling_torque, (x,) * 10),
-        "foam_force": (laws.foam_force, (x,) * 7),
-        "dashpot_of": (laws.dashpot_of, (integer, *[x] * 4)),
+        "pair": (forces.pair_forces, (whole, whole, whole, whole, batch)),
+        "wall": (touches.wall_forces, (whole, whole, row, whole, whole, batch)),
     }
     found = {}
     for name, (body, arguments) in bodies.items():
-        ptx = function(body, variant, arguments)
-        found[name] = {"own": arithmetic(ptx, own), "other": arithmetic(ptx, other)}
+        ptx = cuda.compile_ptx(Builder(variant).plain(body), arguments, device=True, cc=CAPABILITY)[0]
+        found[name] = {kind: operations(ptx, kind) for kind in ("f32", "f64")}
     return found
 
 
-def kernel_of(name: str, precision: str, features: bool) -> dict[str, int]:
-    """What is in a kernel."""
+def kernel_of(name: str, precision: str, features: bool) -> dict[str, Any]:
+    """What is in a kernel; `features`: with springs, rolling resistance and teams of blocks."""
     real, own, other = WORKING[precision]
     ptx = kernel(name, Variant(real, 512, springs=features, rolling=features, teams=features))
     return {
         "entries": ptx.count(".visible .entry"),
         "target": int("sm_90" in ptx),
-        "own": arithmetic(ptx, own),
-        "other": arithmetic(ptx, other),
+        "own": sum(operations(ptx, own).values()),
+        "other": operations(ptx, other),
         "barriers": ptx.count("bar.sync") + ptx.count("barrier.sync") + ptx.count("bar.red"),
         "float_atomics": len(re.findall(r"\b(?:atom|red)\.[a-z.]*f(?:32|64)", ptx)),
     }
@@ -92,7 +109,7 @@ def kernel_of(name: str, precision: str, features: bool) -> dict[str, int]:
 
 if __name__ == "__main__":
     dispatcher.get_current_device = lambda: _Hopper
-    if sys.argv[1] == "laws":
-        print(json.dumps(laws_of(sys.argv[2])))
+    if sys.argv[1] == "forces":
+        print(json.dumps(forces_of()))
     else:
-        print(json.dumps(kernel_of(sys.argv[1], sys.argv[2], sys.argv[3] == "springs")))
+        print(json.dumps(kernel_of(sys.argv[1], sys.argv[2], sys.argv[3] == "features")))

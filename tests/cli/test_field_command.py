@@ -235,3 +235,17 @@ def test_a_campaign_stays_with_its_back_end(undrawn, tmp_path, monkeypatch):
     assert (told["fields"][0]["backend"], told["fields"][0]["done"]) == ("cuda-mixed", 12)
     assert "knows no GPUs" in error("field", path, "--executor", "processes")
     assert "given 'gpu'" in error("field", path, "--backend", "gpu")
+
+
+def test_a_gpu_that_is_not_there_leaves_no_store_behind(undrawn, tmp_path, monkeypatch):
+    def none():
+        raise InputError("no GPU")
+
+    monkeypatch.setattr("graindamp.dem.gpu.device.require", none)
+    path = project(tmp_path)
+    for more in ([], ["--resume"], ["--store", tmp_path / "a" / "b"]):
+        assert "no GPU" in error("field", path, "--executor", "serial", "--backend", "cuda", *more)
+    assert "given 'gpu'" in error("field", path, "--backend", "gpu")
+    assert [one.name for one in tmp_path.iterdir()] == ["made.toml"]
+    done("field", path, "--executor", "serial")
+    assert "no GPU" in error("field", path, "--executor", "serial", "--backend", "cuda")  # where there is a store, too

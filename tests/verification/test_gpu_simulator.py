@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")
 
-from dem_made import FLOOR, STEEL, damper_of, harmonic, loose
+from dem_made import FLOOR, STEEL, channel, damper_of, harmonic, loose
 from gpu_made import Team, bed_of, both, packing_of, quick_turns, spec_of
 from graindamp.dem.gpu import batch, load, memory
 from graindamp.dem.gpu.batch import Task, simulate_batch
@@ -13,6 +13,8 @@ from graindamp.dem.gpu.device import Variant
 from graindamp.dem.simulate import simulate
 from graindamp.dem.world import motion_at_rest
 from graindamp.errors import InputError
+from graindamp.spec.model import parse_spec
+from graindamp.spec.simulation import SimulationSpec
 
 RADIUS = 2.5e-3
 DOUBLE = 1e-9
@@ -98,6 +100,19 @@ def test_restitution_of_one_ball(precision, restitution):
     cpu, device = both(damper, bed, motion_at_rest, 5e-6, 90, precision, gravity=(0.0, 0.0, 0.0))
     assert device[1][0, 2] == pytest.approx(0.1 * restitution, rel=0.02)
     assert_close(device, cpu, DOUBLE if precision == "double" else MIXED)
+
+
+def test_nanometres_of_overlap_far_from_the_origin():
+    """Mixed precision keeps positions and their differences double. Half a metre from the origin single precision knows
+    places to 30 nm; two balls and a ball at a wall overlap by 2 nm there, and the force follows."""
+    far, overlap, radius = 0.5, 2e-9, 1e-3
+    damper = damper_of(STEEL, STEEL, channel(far + radius - overlap), restitution=0.9)
+    places = [[far, 0.0, far], [far, 0.0, far - 2 * radius + overlap], [-far, far, far]]
+    cpu, device = both(damper, bed_of(places, radius), motion_at_rest, 1e-7, 40, "mixed", gravity=(0.0, 0.0, 0.0))
+    assert cpu[3].stored > 0.0
+    assert np.all(np.abs(cpu[1][:, 2]) > 1e-6)
+    # The overlap is what is left of places of 0.5 m that double precision knows to 6e-17 m: 3e-8 of it.
+    assert_close(device, cpu, MIXED)
 
 
 @pytest.mark.parametrize("precision", ["double", "mixed"])
@@ -199,6 +214,67 @@ def test_a_batch_gives_what_single_runs_give(two_slots):
         np.testing.assert_allclose(device.centre[-1], cpu.centre[-1], atol=DOUBLE * 1e-3)
         assert device.contacts_per_particle == pytest.approx(cpu.contacts_per_particle)
         assert device.wall_contacts == pytest.approx(cpu.wall_contacts)
+
+
+def different_tasks():
+    """Operating points that share nothing but the batch: walls, materials, contacts, gravity and kind of motion differ.
+    In each a ball is 0.05 mm from a wall that meets it."""
+    usual = spec_of(3).damper.model_dump()
+    brief, cycle = {"duration": 6e-4, "settle": 0.0}, {"cycles": 1, "settle": 5e-5}
+
+    def task(count, motion, run, shift=(-0.15e-3, 0.0, 0.0), **damper):
+        told = {"damper": {**usual, **damper, "fill": {"count": count}}, "motion": motion, "run": run}
+        packing = packing_of(count)
+        return Task(parse_spec(told, SimulationSpec, "made"), packing._replace(position=packing.position + shift))
+
+    box = {"kind": "box", "size": [8e-3, 8e-3, 6e-3], "material": "steel"}
+    slope = {
+        "kind": "walls",
+        "planes": [{"name": "slope", "point": [0.0, 0.0, -1.8e-3], "normal": [0.2, 0.0, 1.0]}],
+        "material": "steel",
+    }
+    spring = {"restitution": 0.8, "friction": 0.4, "tangential": "mindlin", "rolling_friction": 0.02, "softening": 1e4}
+    viscoelastic = {"law": "hertz-viscoelastic", "restitution": 0.5, "friction": 0.1, "softening": 1e4}
+    light = [{"material": "aluminium-6060", "radius": 1e-3}]
+    sweep = {"kind": "sweep", "start": 900.0, "stop": 1500.0, "duration": 6e-4, "speed": 0.4}
+    waves = [
+        {"frequency": 1000.0, "intensity": 200.0, "phase": 1.0},
+        {"frequency": 2000.0, "intensity": 60.0, "direction": "z"},
+    ]
+    noise = {"kind": "random", "frequencies": [800.0, 2000.0], "psd": [2e3, 2e3], "duration": 4e-3, "seed": 3}
+    return [
+        task(3, {"kind": "harmonic", "frequency": 1000.0, "intensity": 200.0}, cycle),
+        task(4, sweep, brief, (-0.15e-3, 4e-3, 3e-3), container=box, contact=spring),
+        task(2, {"kind": "rest"}, brief, container=slope, gravity=[30.0, 0.0, -3000.0]),
+        task(2, {"kind": "series", "file": "shaken.npz"}, brief, particles=light, contact=viscoelastic),
+        task(
+            3, {"kind": "harmonics", "components": waves}, cycle, particles=light, contact={**spring, "friction": 0.1}
+        ),
+        task(2, noise, brief),
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_worlds_that_share_nothing_run_in_one_batch(tmp_path, precision):
+    """All kinds of motion, and four worlds at a time for six; each is what the processor makes of it alone."""
+    time = np.linspace(0.0, 2e-3, 201)
+    np.savez(tmp_path / "shaken.npz", time=time, acceleration=1500.0 * np.cos(2.0 * np.pi * 700.0 * time))
+    given = different_tasks()
+    assert {task.spec.motion.kind for task in given} == {"harmonic", "harmonics", "sweep", "rest", "series", "random"}
+    runs = run_all(given, slots=4, folder=tmp_path, precision=precision, variant=Variant(threads=1))
+    tolerance = DOUBLE if precision == "double" else MIXED
+    for number, (spec, packing, _) in enumerate(given):
+        cpu, device = simulate(spec, packing=packing, folder=tmp_path), runs[number]
+        assert cpu.impact_counts[1].sum() > 0, spec.motion.kind
+        assert (device.status, device.n_step, device.time_step) == (cpu.status, cpu.n_step, cpu.time_step)
+        np.testing.assert_array_equal(device.impact_counts, cpu.impact_counts)
+        last, own = cpu.energy[-1], device.energy[-1]
+        np.testing.assert_allclose(own, last, rtol=0, atol=10 * tolerance * max(last.stored, last.lost))
+        np.testing.assert_allclose(device.centre[-1], cpu.centre[-1], rtol=0, atol=tolerance * 1e-3)
+        # Ten times as much in sums over a cycle, in which forces of impacts partly cancel.
+        np.testing.assert_allclose(device.cycle_force, cpu.cycle_force, rtol=10 * tolerance)
+        np.testing.assert_allclose(device.cycle_velocity, cpu.cycle_velocity, rtol=DOUBLE)
 
 
 @pytest.mark.slow

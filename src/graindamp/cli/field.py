@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 SHOWN = 10
 """Failed points that are listed; the others are counted."""
 
+ALONE = ("local", "serial")
+"""Executors that compute in this process, whose GPU is then the one that counts."""
+
 campaign = typer.Typer(
     name="campaign",
     help="Stores of simulated points: what is done, what failed, fields so far.",
@@ -67,7 +70,7 @@ def field(
 
     Points that the store holds are never computed again: after a stop or crash give the same command.
     """
-    from graindamp.campaign.backends import is_device
+    from graindamp.campaign.backends import chosen, is_device
     from graindamp.campaign.slurm import read_options
     from graindamp.campaign.store import Store
     from graindamp.spec.field import FieldSpec
@@ -79,8 +82,11 @@ def field(
     if scheduler and kind != "dask":
         raise InputError(f"--scheduler goes with --executor dask, not {kind}")
     options = read_options(slurm or [])
+    place = _store_place(projects, output, store)
+    if not place.exists():  # a back end that is refused leaves no empty store behind
+        chosen(backend, precision, None, alone=kind in ALONE)
     tell_of_compiling(as_json)
-    with Store(_store_place(projects, output, store)) as opened:
+    with Store(place) as opened:
         fields = [
             _asked_for(opened, project, spec, batch, (backend, precision), kind)
             for project, spec in zip(projects, specs, strict=True)
@@ -108,7 +114,7 @@ def _asked_for(
 
     field = described(spec, project)
     known = known_field(store, field)
-    name = chosen(*backend, None if known is None else known.backend, alone=kind in ("local", "serial"))
+    name = chosen(*backend, None if known is None else known.backend, alone=kind in ALONE)
     usual = BATCH
     if is_device(name) and spec.plan.kind == "adaptive":
         begun = known is not None and known.backend == name and known.spec.plan.kind == "adaptive"

@@ -217,8 +217,10 @@ class Builder:
         return self._literal(value) if single else value
 
     def _literal(self, value: Any) -> Any:
-        """A literal in the working type. Guards against division by zero that would vanish there become ones that do
-        not, and whose reciprocal does not overflow either."""
+        """A literal, or a tuple of them, in the working type. Guards against division by zero that would vanish there
+        become ones that do not, and whose reciprocal does not overflow either."""
+        if type(value) is tuple:
+            return tuple(self._literal(one) for one in value)
         if type(value) is not float:
             return value
         vanishes = 0.0 < abs(value) < float(np.finfo(self.variant.real).tiny)
