@@ -162,9 +162,41 @@ def test_cavities_of_different_clearance_beat_equal_ones_over_a_wide_range():
     model = oscillator(0.13, 20.0)
     tuned = tune_cavities(model, Ball(1.2e-3, 1.0, 0.2), 2, 8e-3, 1e-3, n_grid=4, rounds=1)
     assert len(tuned.clearances) == 2
-    assert tuned.decay_cycles <= tuned.equal_decay_cycles
-    balls = [Ball(1.2e-3, clearance, 0.2) for clearance in tuned.clearances]
-    assert decay_cycles(model, balls, 8e-3, 1e-3) == pytest.approx(tuned.decay_cycles)
+
+    def cycles(*clearances):
+        return decay_cycles(model, [Ball(1.2e-3, clearance, 0.2) for clearance in clearances], 8e-3, 1e-3)
+
+    assert cycles(*tuned.clearances) == pytest.approx(tuned.decay_cycles)
+    # All pairs of another, finer grid about the best ones. Decays are erratic by some per cent in the clearances, so
+    # that the best of many pairs is lucky: 36.1 cycles against 38.3 of the search, and 43.1 of their median.
+    grid = np.geomspace(4.5e-3, 12e-3, 5)
+    pairs = {(a, b): cycles(a, b) for k, a in enumerate(grid) for b in grid[k:]}
+    assert tuned.decay_cycles < 1.1 * min(pairs.values())
+    # Equal clearances take 38.9 cycles at their best on this grid, 43.9 on that of the search.
+    best_equal = min(pairs[a, a] for a in grid)
+    assert tuned.decay_cycles < min(best_equal, 0.95 * tuned.equal_decay_cycles)
+    assert min(pairs.values()) < 0.95 * best_equal
+
+
+@pytest.mark.parametrize("clearances", [(8e-3,), (12e-3,), (8e-3, 12e-3), (6e-3, 13e-3), (10e-3, 12e-3, 14e-3)])
+def test_cavities_damp_as_the_sum_of_their_steady_motions(clearances):
+    """Light plastic balls whose two impacts per cycle exist from 8 to 4 mm lose what steady motion says, added up."""
+    mass, share = 0.13, 6e-4 / 0.13
+
+    def cycles_per_log(amplitude):
+        steady = [collect_and_collide(pi * amplitude / clearance) for clearance in clearances]
+        assert all(one.exists for one in steady)
+        loss, inertia = share * sum(p.loss_factor for p in steady), share * sum(p.effective_mass_ratio for p in steady)
+        return -2.0 / np.log1p(-2.0 * pi * loss / (1.0 + inertia))
+
+    expected = []
+    for start in (1.0, 0.93, 0.86):
+        place = np.linspace(np.log(4e-3), np.log(start * 8e-3), 201)
+        expected.append(np.trapezoid([cycles_per_log(u) for u in np.exp(place)], place))
+    found = decay_cycles(oscillator(mass, 20.0), [Ball(6e-4, value, 0.0) for value in clearances], 8e-3, 4e-3)
+    # A ball let go meets its wall for the first time after half a cycle and more, and the end is told by two peaks in a
+    # row, 0.5 to 1 cycle late: 1.8 cycles more in all, of 14 to 53.
+    assert found == pytest.approx(np.mean(expected) + 1.8, abs=0.3)
 
 
 SYSTEM = on_structure(oscillator(1.0, 1.0), [Ball(0.1, 1.0, 0.5)])
@@ -205,10 +237,13 @@ SYSTEM = on_structure(oscillator(1.0, 1.0), [Ball(0.1, 1.0, 0.5)])
         (lambda: range_clearance(1e-3, 0.1, 0.5), "narrow it"),
         (lambda: decay_cycles(oscillator(1.0, 1.0), [Ball(1, 1, 0)], 1.0, 0.9), "low and high"),
         (lambda: tune_cavities(oscillator(1.0, 1.0), Ball(1, 1, 0), 0, 1.0, 0.1), "count"),
-        (lambda: layers(1e-3, 2e-3), "bed_height is 0.001"),
+        (lambda: layers(1e-3, 2e-3), "bed_height is 0.001 m, but must be a finite number >= 0.002 m, one particle"),
         (lambda: layers(2e-3, 1e-3, "random"), "stacking is 'random'"),
-        (lambda: critical_intensity(90.0), "angle is 90"),
-        (lambda: beta(1e-3, 20.0, 1e-3, 5e-3, 4e-3), "bed_height is 0.005"),
+        (lambda: critical_intensity(90.0), "angle is 90.0 deg"),
+        (lambda: beta(1e-3, 20.0, 1e-3, 5e-3, 4e-3), "bed_height is 0.005 m, .* from 0.001 m, the .* to 0.004 m, the"),
+        (lambda: beta(1e-3, 0.0, 1e-3, 2e-3, 4e-3), "frequency is 0.0 Hz"),
+        (lambda: beta(-1e-3, 20.0, 1e-3, 2e-3, 4e-3), "amplitude is -0.001 m"),
+        (lambda: layers(1e-3, float("nan")), "diameter is nan m"),
     ],
 )
 def test_message_names_argument_value_and_range(call, text):

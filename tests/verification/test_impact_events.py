@@ -5,6 +5,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from graindamp.impact.collision import first_impact, impact_phase
 from graindamp.impact.simulate import Start, at_rest, cavity_motion, released, simulate
@@ -148,6 +149,52 @@ def test_chatter_ends_at_the_sum_of_the_geometric_series(restitution):
     assert run.ledger.impacts == pytest.approx(reduced * (force / mass * fall) ** 2 / 2, rel=1e-12)
     bounces = run.events[run.events[:, 2] == IMPACT][:6]
     assert bounces[:, 4] == pytest.approx(force / mass * fall * restitution ** np.arange(len(bounces)), rel=1e-12)
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.8])
+def test_chatter_on_an_oscillating_wall_ends_where_its_bounces_add_up_to(restitution):
+    """A free container under a constant and an oscillating force, which never pulls it off the ball.
+
+    While the ball flies the container moves by the forces alone, so that the gap has a closed form from bounce to
+    bounce; an impact turns its rate round, times R. The bounces are followed one by one until 1e-7 of the first rate is
+    left, and then last 2 v / (a (1 - R)) more.
+    """
+    mass, ball, steady, swing, omega, height = 2.0, 0.7, 3.0, 2.0, 9.0, 0.4
+    forces = [PointForce(steady, 0.0), PointForce(swing, omega / (2 * pi), 0.6)]
+    system = on_structure(oscillator(mass, 0.0), [Ball(ball, 5.0, restitution)], forces)
+
+    def after(start, rate, gap, time):
+        """Gap and its rate `time` after `start`."""
+        phase, turned = omega * start + 0.6, omega * time
+        # cos(p + x) - cos(p) + x sin(p) without the difference of near numbers
+        small = -2 * np.sin(turned / 2) ** 2 * np.cos(phase) + (turned - np.sin(turned)) * np.sin(phase)
+        pushed = steady * time**2 / 2 - swing / omega**2 * small
+        speed = steady * time + swing / omega * (np.sin(phase + turned) - np.sin(phase))
+        return gap + rate * time - pushed / mass, rate - speed / mass
+
+    end, rate, gap, first, hits = 0.0, 0.0, height, 0.0, []
+    while not hits or rate > 1e-7 * first:
+        # The push is between 1 and 5 N, so that the gap closes between these times.
+        times = [(rate + sqrt(rate**2 + 2 * push / mass * gap)) / (push / mass) for push in (5.0, 1.0)]
+        low, high = times[0] * 0.999, times[1] * 1.001
+        time = brentq(lambda t, *at: after(*at, t)[0], low, high, (end, rate, gap), xtol=1e-16, rtol=1e-14)
+        speed = -after(end, rate, gap, time)[1]
+        end, rate, gap, first = end + time, restitution * speed, 0.0, first or restitution * speed
+        hits.append((end, speed))
+    push = steady + swing * np.cos(omega * end + 0.6)
+    end += 2 * rate * mass / push / (1 - restitution)
+    run = simulate(system, 1.5 * end, at_rest(system)._replace(offset=np.array([height])))
+    stick = run.events[run.events[:, 2] == STICK]
+    assert len(stick) == 1
+    assert run.resting.tolist() == [1]
+    # As under a constant force: bounces below 1e-16 of the clearance are left out, 2e-7 at most.
+    assert stick[0, 0] == pytest.approx(end, abs=2e-7)
+    bounces = run.events[run.events[:, 2] == IMPACT][:6]
+    # rounding, 1e-15 of the time at each impact, over the rate that is left, 0.002 of the first after six at R = 0.3
+    assert bounces[:, [0, 4]] == pytest.approx(np.array(hits[: len(bounces)]), rel=1e-12)
+    impulse = steady * 1.5 * end + swing / omega * (np.sin(omega * 1.5 * end + 0.6) - np.sin(0.6))
+    assert run.end.u[0] == pytest.approx(impulse / (mass + ball), rel=1e-12)  # momentum: rounding
+    assert abs(run.ledger.residual) < CLOSURE
 
 
 def test_a_resting_ball_is_added_mass():

@@ -60,8 +60,8 @@ def layers(bed_height: float, diameter: float, stacking: Stacking = "planar") ->
 
     Source: Witt (2011), Eq. 4.1.
     """
-    _check("diameter", diameter, diameter > 0, "> 0")
-    _check("bed_height", bed_height, bed_height >= diameter, f">= {diameter:g}, one particle")
+    _check("diameter", diameter, "m", diameter > 0, "> 0")
+    _check("bed_height", bed_height, "m", bed_height >= diameter, f">= {diameter:g} m, one particle")
     if stacking not in SPACING:
         raise InputError(f"stacking is '{stacking}', but must be one of: {', '.join(SPACING)}")
     spacing = SPACING[stacking] * diameter
@@ -83,7 +83,7 @@ def critical_intensity(angle: float = 60.0) -> float:
 
     Source: Witt (2011), Eq. 4.3.
     """
-    _check("angle", angle, 0 < angle < 90, "above 0 and below 90")
+    _check("angle", angle, "deg", 0 < angle < 90, "above 0 and below 90")
     return 1.0 / tan(radians(angle))
 
 
@@ -105,14 +105,13 @@ def beta(amplitude: float, frequency: float, diameter: float, bed_height: float,
 
     Source: Witt (2011), Eq. 4.4; its nomenclature omits the diameter.
     """
-    _check("amplitude", amplitude, amplitude >= 0, ">= 0")
-    _check("frequency", frequency, frequency > 0, "> 0")
-    _check("diameter", diameter, diameter > 0, "> 0")
-    _check("cavity_height", cavity_height, cavity_height > 0, "> 0")
+    _check("amplitude", amplitude, "m", amplitude >= 0, ">= 0")
+    _check("frequency", frequency, "Hz", frequency > 0, "> 0")
+    _check("diameter", diameter, "m", diameter > 0, "> 0")
+    _check("cavity_height", cavity_height, "m", cavity_height > 0, "> 0")
     inside = diameter <= bed_height <= cavity_height
-    _check(
-        "bed_height", bed_height, inside, f"from {diameter:g}, the diameter, to {cavity_height:g}, the cavity's height"
-    )
+    allowed = f"from {diameter:g} m, the diameter, to {cavity_height:g} m, the cavity's height"
+    _check("bed_height", bed_height, "m", inside, allowed)
     intensity = amplitude * (2.0 * pi * frequency) ** 2 / STANDARD_GRAVITY
     diameter_ratio, fill_ratio = diameter / bed_height, bed_height / cavity_height
     return BetaRule(
@@ -120,6 +119,6 @@ def beta(amplitude: float, frequency: float, diameter: float, bed_height: float,
     )
 
 
-def _check(name: str, value: float, allowed: bool, text: str) -> None:
+def _check(name: str, value: float, unit: str, allowed: bool, text: str) -> None:
     if not (isfinite(value) and allowed):
-        raise InputError(f"{name} is {value}, but must be a finite number {text}")
+        raise InputError(f"{name} is {value} {unit}, but must be a finite number {text}")
