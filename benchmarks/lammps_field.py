@@ -46,7 +46,7 @@ QUANTITIES = {"eta": "loss_factor", "mass": "effective_mass_ratio"}
 STUFF = {"name": "soft steel", "youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 7900.0}
 
 
-def spec_of(frequency: float, intensity: float, cycles: int = 30) -> SimulationSpec:
+def spec_of(frequency: float, intensity: float, cycles: int = 30, settle: float = 0.05) -> SimulationSpec:
     """One point of the LAMMPS field; its intensities are multiples of 9.81 m/s^2."""
     wall = {**STUFF, "name": "wall"}
     return parse_spec(
@@ -71,7 +71,7 @@ def spec_of(frequency: float, intensity: float, cycles: int = 30) -> SimulationS
                 "intensity": f"{intensity * GRAVITY} m/s^2",
                 "direction": "x",
             },
-            "run": {"cycles": cycles, "settle": 0.05, "time_step": 1.5e-6},
+            "run": {"cycles": cycles, "settle": settle, "time_step": 1.5e-6},
         },
         SimulationSpec,
         where="benchmark",
@@ -105,14 +105,14 @@ def reference() -> list[OperatingPoint]:
         return list(measure(MeasurementSpec(files=(str(path),))).points)
 
 
-def compare(theirs: OperatingPoint, n_seed: int = 1, cycles: int = 30) -> dict[str, Any]:
+def compare(theirs: OperatingPoint, n_seed: int = 1, cycles: int = 30, settle: float = 0.05) -> dict[str, Any]:
     """Both codes at one operating point; `eta_z` and `mass_z` are the differences of the first run in combined
     standard errors from within the runs."""
     intensity = theirs.nominal_intensity or 0.0
     row: dict[str, Any] = {"frequency_hz": theirs.frequency, "intensity": intensity, "seconds": 0.0}
     points = []
     for seed in range(n_seed):
-        run: Run = simulate(spec_of(theirs.frequency, intensity, cycles), packing=lammps_bed(seed))
+        run: Run = simulate(spec_of(theirs.frequency, intensity, cycles, settle), packing=lammps_bed(seed))
         points.append(point_of(run))
         row["seconds"] += run.seconds
     for name, attribute in QUANTITIES.items():
