@@ -108,17 +108,17 @@ FRICTION = {"friction": 0.4, "tangential": "tanh"}
 
 @pytest.mark.parametrize(
     ("contact", "turned", "open_by"),
-    [({}, 1e-8, 5e-4), ({**FRICTION, "smoothing": 10.0}, 1e-3, 0.03), (FRICTION, 1e-3, 0.06)],
+    [({}, 1e-8, 5e-4), ({**FRICTION, "smoothing": 10.0}, 2e-4, 2e-3), (FRICTION, 2e-4, 2e-3)],
     ids=["frictionless", "smooth friction", "steep friction"],
 )
 def test_momentum_and_energy_of_colliding_spheres(contact, turned, open_by):
     """Momentum to rounding, as every correction is linear in the forces. Forces act at predicted places: angular
     momentum is kept as well as these are, and friction, whose rate the correctors cannot follow, is the worst.
 
-    Ledger: without friction measured 4e-6, and 3e-4 where longer steps meet the begin of contacts. Friction is bound
-    to a quarter of the slip's momentum per step, while the correctors are stable up to a tenth to a sixth of it: slip
-    that should end chatters within the width of the smoothing, and the losses are counted too high, measured 0.017
-    with a slope of 10 s/m and 0.043 with the default of 1000.
+    Ledger: without friction measured 1e-8, and 3e-4 where longer steps meet the begin of contacts. Friction is bound
+    to a twentieth of the slip's momentum per step, where the correctors are stable; bound to a quarter they are not,
+    slip that should end chatters, and the ledger is open by 0.043 with the default slope. Measured 4e-4 with a slope of
+    10 s/m and 6e-4 with the default of 1000.
     """
     (before, first), (after, last) = swarm(contact, 1e-6 * RADIUS)
     assert abs(after[0] - before[0]).max() < 1e-12 * before[2]
@@ -151,9 +151,9 @@ def test_leapfrog_converges_to_what_gear_finds():
     error = [abs(heap(run, step)[0] - place).max() for step in (8e-6, 4e-6, 2e-6)]
     assert error[2] < 1e-3 * RADIUS  # some 150 steps per softened contact: 1/150^2 times pi^2/4 of ways of ten radii
     assert error[0] / error[2] == pytest.approx(16, rel=0.3)  # steps meet the begin of contacts anywhere
-    # The work of a floor that moves is counted too. Second order in the sums over steps, measured 1.3e-6.
+    # The work of a floor that moves is counted too. Second order in the sums over steps, measured 1.6e-5.
     assert last.work > last.lost
-    assert abs(last.stored - first.stored - last.work + last.lost) < 1e-5 * last.lost
+    assert abs(last.stored - first.stored - last.work + last.lost) < 5e-5 * last.lost
 
 
 def oblique(integrate, tangential, n_step=160):
@@ -172,10 +172,7 @@ def oblique(integrate, tangential, n_step=160):
     "tangential",
     [
         "tanh",
-        pytest.param(
-            "mindlin",
-            marks=pytest.mark.xfail(strict=True, reason="springs see the spins that a run of steps began with"),
-        ),
+        "mindlin",
     ],
 )
 def test_oblique_impacts_are_those_of_leapfrog(tangential):

@@ -246,3 +246,12 @@ def test_random_motion_is_a_gaussian_process_whose_derivatives_agree():
     kurtosis = np.mean(value**4) / np.mean(value**2) ** 2
     # 4 s of a band 180 Hz wide are 1440 independent values, whose kurtosis has a standard error of sqrt(24/1440): four.
     assert kurtosis == pytest.approx(3.0, abs=4 * sqrt(24 / 1440))
+
+
+def test_random_motion_repeats_after_its_duration():
+    """One second of lines 1 Hz apart, three times on end; the places in the series differ by the rounding of time."""
+    motion = motion_of(described(RANDOM))
+    time = np.linspace(0.0, 0.99, 34)
+    once = moved(motion, time)
+    for k in (1, 2):
+        np.testing.assert_allclose(moved(motion, time + k), once, atol=1e-9 * abs(once).max())

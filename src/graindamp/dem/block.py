@@ -32,7 +32,6 @@ from graindamp.dem.compile import inner, merged
 from graindamp.dem.grip import begin, renew, speed_bin
 from graindamp.dem.laws import (
     DASHPOT_SHARE,
-    FRICTION_SHARE,
     SLIP_MASS,
     NormalLaw,
     TangentialLaw,
@@ -99,7 +98,7 @@ def block_forces(w, step, k, n, wall, contacts, particles, material, rules, reco
     recall(w, step, k, n, wall, contacts, particles, material, rules, record, b)
     normal_forces(rules.normal[w], rules.tension[w], DASHPOT_SHARE / time_step, b)
     if tangential == TangentialLaw.TANH:
-        smoothed_friction(FRICTION_SHARE * SLIP_MASS / time_step, b)
+        smoothed_friction(rules.friction_share[w] * SLIP_MASS / time_step, b)
     elif tangential == TangentialLaw.NONE:
         no_friction(b)
     else:
@@ -305,7 +304,7 @@ def roll(w, k, n, wall, contacts, particles, material, rules, record, b):
             max(b[NORMAL + m], 0.0),
             rules.pair[w, particles.material[w, i], material[j], ROLLING],
             radius,
-            FRICTION_SHARE / (time_step * inertia),
+            rules.friction_share[w] / (time_step * inertia),
         )
         load[i, 4] += x
         load[i, 5] += y

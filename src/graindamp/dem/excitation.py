@@ -67,6 +67,7 @@ def motion_of(motion: MotionSpec, start: float = 0.0, folder: Path | None = None
     elif isinstance(motion, RandomMotion):
         kind = MotionKind.SERIES
         series, timing[INTERVAL] = random_series(motion)
+        timing[SHAPE] = len(series) - 1
     elif isinstance(motion, SeriesMotion):
         kind = MotionKind.SERIES
         series, timing[INTERVAL] = measured_series(motion, folder)

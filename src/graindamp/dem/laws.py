@@ -35,7 +35,8 @@ reversing it. With 40 steps per contact it binds for restitutions below 0.1 (0.0
 steps on, 0.01 from 150."""
 
 FRICTION_SHARE = 0.25
-"""Largest smoothed friction of one contact, as a share of what stops its slip within one step [-]; as DASHPOT_SHARE."""
+"""Largest smoothed friction of one contact, as a share of what stops its slip within one step [-]; as DASHPOT_SHARE.
+For velocity Verlet; :mod:`graindamp.dem.gear` has its own."""
 
 SLIP_MASS = 2.0 / 7.0
 """Mass that resists slip at the surface of a solid sphere, over the mass that resists approach [-]: 1 / (1 + 5/2)."""

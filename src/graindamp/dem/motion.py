@@ -4,7 +4,7 @@ Displacement, velocity and acceleration always belong together: a soft start mul
 product rule gives the other two."""
 
 from enum import IntEnum
-from math import cos, log, sin
+from math import cos, floor, log, sin
 
 from graindamp.dem.compile import compiled
 
@@ -30,7 +30,7 @@ DIRECTION = 2
 INTERVAL = 5
 """Sampling interval of a series, or duration of a sweep [s]."""
 SHAPE = 6
-"""Sweep: 0 linear, 1 logarithmic."""
+"""Sweep: 0 linear, 1 logarithmic. Series: intervals after which it repeats [-]; 0: it ends."""
 FUNDAMENTAL = 7
 """Angular frequency of the Fourier sums [rad/s]; 0: none."""
 
@@ -80,7 +80,10 @@ def move(w, time, motion):
     if kind == MotionKind.SWEEP:
         x, v, a = sweep(t, timing[INTERVAL], motion.wave[w], timing[SHAPE] > 0.5)
     else:
-        x, v, a = between(t / timing[INTERVAL], timing[INTERVAL], motion.series[w])
+        step = t / timing[INTERVAL]
+        if timing[SHAPE] > 0.0:
+            step -= timing[SHAPE] * floor(step / timing[SHAPE])
+        x, v, a = between(step, timing[INTERVAL], motion.series[w])
     a = gain_change * x + 2.0 * gain_rate * v + gain * a
     v = gain_rate * x + gain * v
     x = gain * x

@@ -137,6 +137,8 @@ class Rules(NamedTuple):
     """Time step [s]; (world,)."""
     skin: Real
     """Reach of the outer lists beyond touching [m]; (world,)."""
+    friction_share: Real
+    """Largest smoothed friction, see :data:`graindamp.dem.laws.FRICTION_SHARE`; (world,)."""
 
 
 class Clock(NamedTuple):

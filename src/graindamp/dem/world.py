@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from graindamp.dem.container import Enclosure
 from graindamp.dem.interactions import Interactions
-from graindamp.dem.laws import TangentialLaw
+from graindamp.dem.laws import FRICTION_SHARE, TangentialLaw
 from graindamp.dem.state import (
     Clock,
     Motion,
@@ -132,6 +132,7 @@ def world_of(
             gravity=np.array([gravity], np.float64),
             time_step=np.array([time_step]),
             skin=np.array([reach]),
+            friction_share=np.array([FRICTION_SHARE]),
         ),
         motion=motion if motion is not None else motion_at_rest(),
         clock=clock,
