@@ -7,12 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from graindamp.dem.compile import compiled
 from graindamp.dem.container import Enclosure
 from graindamp.dem.laws import NormalLaw
-from graindamp.dem.mesh import inside, wall_distance
 from graindamp.dem.walls import FAR, N_SHAPE, WallKind, nearest
 from graindamp.errors import InputError
 from graindamp.spec.container import (
@@ -144,6 +142,8 @@ class Cavity:
         place = np.ascontiguousarray(position, np.float64)
         smallest_gap(self.kind, self.shape, self.enclosure.edges, place, radius, out)
         if self.enclosure.mesh is not None:
+            from graindamp.dem.mesh import inside, wall_distance
+
             inner = inside(self.enclosure.mesh, position)
             far = -2.0 * radius
             far[inner] = wall_distance(self.enclosure.mesh, position[inner]) - radius[inner]
@@ -157,6 +157,8 @@ class Cavity:
         smallest_gap(self.kind, self.shape, self.enclosure.edges, place, np.zeros(len(position)), gap)
         out: NDArray[np.bool_] = gap > 0.0
         if self.enclosure.mesh is not None:
+            from graindamp.dem.mesh import inside
+
             out[out] = inside(self.enclosure.mesh, position[out])
         return out
 
@@ -296,6 +298,8 @@ def smallest_gap(kind: NDArray[np.int32], shape: Real, edges: Real, position: Re
 
 def overlapping(position: Real, radius: Real) -> tuple[NDArray[np.int64], Real]:
     """Pairs of spheres that overlap, (pair, 2), and by how much [m]."""
+    from scipy.spatial import cKDTree  # takes a third of a second, and stored beds need none
+
     pairs = cKDTree(position).query_pairs(2.0 * float(radius.max()), output_type="ndarray")
     i, j = pairs[:, 0], pairs[:, 1]
     overlap = radius[i] + radius[j] - np.linalg.norm(position[i] - position[j], axis=1)

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from graindamp.errors import InputError
 from graindamp.spec.particles import (
@@ -41,6 +40,8 @@ def draw(radius: RadiusSpec, n: int, rng: np.random.Generator) -> NDArray[np.flo
             raise InputError(f"the list of radii has {len(radius.radius)} values, but {n} particles are wanted")
         return np.asarray(radius.radius, np.float64)
     low, high = _standard_limits(radius)
+    from scipy.special import ndtr, ndtri
+
     standard = ndtri(rng.uniform(ndtr(low), ndtr(high), n))
     return np.clip(_radius_at(radius, standard), *radius.limits)  # inversion rounds: keep the limits exactly
 
