@@ -18,6 +18,7 @@ from typing import Any
 from graindamp.dem.simulate import simulate
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import SimulationSpec
+from start_up import processor
 
 REGIMES = {"solid-like": (20.0, 0.5, "x"), "bouncing": (25.0, 6.0, "z"), "decoupled": (400.0, 40.0, "z")}
 """Frequency [Hz], intensity [-] and direction."""
@@ -89,20 +90,10 @@ def main() -> None:
                 )
                 print(lines[-1], flush=True)
     if arguments.out is not None:
-        about = f"{date.today().isoformat()}, {_processor()}, one core, python {platform.python_version()}"
+        about = f"{date.today().isoformat()}, {processor()}, one core, python {platform.python_version()}"
         about += f", numba {version('numba')}, {arguments.cycles} cycles."
         table = "\n".join(lines)
         arguments.out.write_text(f"# Closure of the energy ledger\n\n{about}\n\n{table}\n", encoding="utf-8")
-
-
-def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor()
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ from graindamp.dem.state import Worlds
 from graindamp.dem.world import Bed, world_of
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import DamperSpec, SimulationSpec
+from start_up import processor
 
 RADIUS, DENSITY = 1.25e-3, 7900.0
 FREQUENCY, INTENSITY, TIME_STEP = 100.0, 40.0, 2e-7
@@ -332,7 +333,7 @@ def main() -> None:
                 print(table(rows[-1:]) if len(rows) == 1 else table(rows[-1:]).splitlines()[-1], flush=True)
         about = {
             "date": date.today().isoformat(),
-            "machine": f"{_processor()}, one core",
+            "machine": f"{processor()}, one core",
             "python": platform.python_version(),
             "numba": version("numba"),
             "numpy": version("numpy"),
@@ -344,16 +345,6 @@ def main() -> None:
         told = ", ".join(f"{key} {value}" for key, value in about.items() if value)
         text = f"# Particle-steps per second\n\n{told}\n\nMillion particle-steps per second.\n\n{table(rows)}\n"
         arguments.out.write_text(text, encoding="utf-8")
-
-
-def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor()
 
 
 if __name__ == "__main__":

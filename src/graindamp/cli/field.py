@@ -85,7 +85,7 @@ def field(
     place = _store_place(projects, output, store)
     if not place.exists():  # a back end that is refused leaves no empty store behind
         chosen(backend, precision, None, alone=kind in ALONE)
-    tell_of_compiling(as_json)
+    tell_of_compiling(as_json or backend == "cuda")
     with Store(place) as opened:
         fields = [
             _asked_for(opened, project, spec, batch, (backend, precision), kind)

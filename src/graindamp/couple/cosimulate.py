@@ -181,7 +181,7 @@ def cosimulate_batch(
     worlds = run_carried(oscillators, worlds, np.zeros_like(targets), n_thread)
     begin = clock_of_the_wall.perf_counter()
     looks = [[_look(scene, s, oscillators, worlds)] for s, scene in enumerate(scenes)]
-    stopped, look = False, 0
+    look = 0
     with deferred() as interruption:
         try:
             while look < n_look and not interruption.asked:
@@ -195,8 +195,8 @@ def cosimulate_batch(
                 if not np.isfinite(oscillators.coordinate).all():
                     break
         except KeyboardInterrupt:
-            stopped = True
-        stopped = stopped or (interruption.asked and look < n_look)
+            interruption.asked = True
+    stopped = interruption.asked and look < n_look
     seconds = clock_of_the_wall.perf_counter() - begin
     return [_result(scene, s, oscillators, worlds, looks[s], seconds, stopped) for s, scene in enumerate(scenes)]
 
