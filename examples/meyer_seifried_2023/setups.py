@@ -58,6 +58,7 @@ def text_of(name: str) -> str:
     assert lines[0].startswith(base)
     lines[:2] = [f"# Written by setups.py from baseline.toml. {setup.title}, Meyer & Seifried (2023)."]
     _put(lines, "title = ", f'title = "{setup.title}, Meyer & Seifried (2023)"')
+    _put(lines, "max_cycles = ", "max_cycles = 25           # as the paper")
     _put(lines, "name = ", f'name = "{name}"')
     if setup.clearance != "3.14159 mm":
         _put(lines, "clearance = ", f'clearance = "{setup.clearance}"      # of the bed once shaken, up to the coating')

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graindamp.dem.backend import advance
-from graindamp.dem.state import Contacts, Worlds, aligned, empty_contacts, empty_scratch
+from graindamp.dem.state import Contacts, Worlds, aligned, empty_contacts
 from graindamp.status import Status
 
 GROWTH = 1.5
@@ -53,15 +53,7 @@ def run(worlds: Worlds, n_step: int, n_thread: int = 1) -> Worlds:
 def with_room(worlds: Worlds) -> Worlds:
     """The same worlds with longer lists."""
     pairs, touches = _longer(worlds.pairs), _longer(worlds.touches)
-    n_world, n_particle = worlds.particles.material.shape
-    scratch = empty_scratch(
-        n_world,
-        n_particle,
-        worlds.walls.kind.shape[1],
-        max(pairs.first.shape[1], touches.first.shape[1]),
-        worlds.pairs.stretch.shape[1] > 1,
-    )
-    return aligned(worlds._replace(pairs=pairs, touches=touches, scratch=scratch))
+    return aligned(worlds._replace(pairs=pairs, touches=touches))
 
 
 def _longer(old: Contacts) -> Contacts:

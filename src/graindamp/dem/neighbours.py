@@ -31,7 +31,6 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
     position, n, skin = particles.position[w], particles.n_particle[w], rules.skin[w]
     first, second, grip = pairs.first[w], pairs.second[w], pairs.grip[w]
     start, place, member, near = scratch.start[w], scratch.place[w], scratch.member[w], scratch.near[w]
-    kept_first, kept_second = scratch.kept_first[w], scratch.kept_second[w]
     material, capacity = particles.material[w], first.shape[0]
 
     low_x = high_x = position[0, 0]
@@ -69,8 +68,8 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
         start[place[i]] -= 1
         member[start[place[i]]] = i
 
-    n_kept = keep(w, step, pairs, rules, scratch)
-    n_pair, n_found, n_active = np.int64(0), np.int64(0), 0
+    kept = keep(w, step, pairs, rules)
+    n_pair, n_active = np.int64(0), 0
     for i in range(n):
         x, y, z, reach = position[i, 0], position[i, 1], position[i, 2], position[i, 3] + skin
         a = place[i] // (ny * nz)
@@ -92,20 +91,19 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
                                 k -= 1
                             near[k] = j
                             n_near += 1
-        if n_pair + n_near > capacity:
-            put_back(w, step, n_kept, OF_PARTICLES, pairs, particles, material, rules, scratch)
+        if n_pair + n_near > kept:
+            put_back(w, step, n_active, kept, OF_PARTICLES, pairs, particles, material, rules)
             return LISTS_FULL
         for k in range(n_near):
             j = near[k]
             first[n_pair], second[n_pair], grip[n_pair, TOUCHED] = i, j, -9.0
-            while n_found < n_kept and (
-                kept_first[n_found] < i or (kept_first[n_found] == i and kept_second[n_found] < j)
-            ):
-                n_found += 1
-            if n_found < n_kept and kept_first[n_found] == i and kept_second[n_found] == j:
-                remember(w, step, n_found, n_pair, OF_PARTICLES, pairs, particles, material, rules, scratch)
+            while kept < capacity and (first[kept] < i or (first[kept] == i and second[kept] < j)):
+                kept += 1
+            if kept < capacity and first[kept] == i and second[kept] == j:
+                remember(w, step, kept, n_pair, OF_PARTICLES, pairs, particles, material, rules)
                 pairs.active[w, n_active] = n_pair
                 n_active += 1
+                kept += 1
             n_pair += 1
     pairs.n_active[w] = n_active
     pairs.n_outer[w] = n_pair
@@ -113,43 +111,50 @@ def refresh_pairs(w, step, particles, pairs, rules, scratch):
 
 
 @checked
-def keep(w, step, contacts, rules, scratch):
-    """Set aside who touches and at which speed it began; all else that a contact knows follows from that."""
+def keep(w, step, contacts, rules):
+    """Move the contacts that touch to the end of the outer list: who, and at which speed it began, from which all else
+    that a contact knows follows, but for its spring.
+
+    Returns the place of the first of them. A new list grows from the front, as long as it is shorter than that; each
+    contact that it takes over makes room for one."""
     active, grip = contacts.active[w], contacts.grip[w]
-    n_kept = 0
-    for k in range(contacts.n_active[w]):
+    kept = np.int64(grip.shape[0])
+    for k in range(contacts.n_active[w] - 1, -1, -1):
         p = active[k]
         if grip[p, TOUCHED] == step:
-            scratch.kept_first[w, n_kept] = contacts.first[w, p]
-            scratch.kept_second[w, n_kept] = contacts.second[w, p]
-            scratch.kept_onset[w, n_kept] = grip[p, ONSET]
+            kept -= 1
+            contacts.first[w, kept], contacts.second[w, kept] = contacts.first[w, p], contacts.second[w, p]
+            grip[kept, ONSET] = grip[p, ONSET]
             if rules.tangential[w] >= TangentialLaw.MINDLIN:
                 for c in range(4):
-                    scratch.kept_stretch[w, n_kept, c] = contacts.stretch[w, p, c]
-            n_kept += 1
-    return n_kept
+                    contacts.stretch[w, kept, c] = contacts.stretch[w, p, c]
+    return kept
 
 
 @checked
-def remember(w, step, k, p, wall, contacts, particles, material, rules, scratch):
-    """Give the contact set aside as number k to place p of the list; `material` is that of the second bodies."""
+def remember(w, step, k, p, wall, contacts, particles, material, rules):
+    """Give what the contact at place k knows to place p of the list; `material` is that of the second bodies."""
     i, j = contacts.first[w, p], contacts.second[w, p]
-    begin(w, i, j, wall, particles, material, rules, scratch.kept_onset[w, k], contacts.grip[w, p])
+    begin(w, i, j, wall, particles, material, rules, contacts.grip[w, k, ONSET], contacts.grip[w, p])
     contacts.grip[w, p, TOUCHED] = step
     if rules.tangential[w] >= TangentialLaw.MINDLIN:
         for c in range(4):
-            contacts.stretch[w, p, c] = scratch.kept_stretch[w, k, c]
+            contacts.stretch[w, p, c] = contacts.stretch[w, k, c]
 
 
 @checked
-def put_back(w, step, n_kept, wall, contacts, particles, material, rules, scratch):
-    """Make what was set aside the whole list, so that a longer list can take it over."""
-    for k in range(n_kept):
-        contacts.first[w, k], contacts.second[w, k] = scratch.kept_first[w, k], scratch.kept_second[w, k]
+def put_back(w, step, n_active, kept, wall, contacts, particles, material, rules):
+    """Make the `n_active` contacts that a new list had taken over, and those at its end from place `kept` on, the whole
+    list, so that a longer list can take them over."""
+    capacity = contacts.grip.shape[1]
+    n = n_active + capacity - kept
+    for k in range(n):
+        p = np.int64(contacts.active[w, k]) if k < n_active else kept + k - n_active
+        contacts.first[w, k], contacts.second[w, k] = contacts.first[w, p], contacts.second[w, p]
+        remember(w, step, p, k, wall, contacts, particles, material, rules)
         contacts.active[w, k] = k
-        remember(w, step, k, k, wall, contacts, particles, material, rules, scratch)
-    contacts.n_active[w] = n_kept
-    contacts.n_outer[w] = n_kept
+    contacts.n_active[w] = n
+    contacts.n_outer[w] = n
 
 
 @inner

@@ -217,13 +217,6 @@ class Scratch(NamedTuple):
     """Particles cell by cell; (world, particle)."""
     near: Count
     """Neighbours of one particle; (world, largest of particle and element)."""
-    kept_first: Count
-    """Members of the contacts set aside; (world, pair)."""
-    kept_second: Count
-    kept_onset: Real
-    """Their speed at onset [m/s]; (world, pair)."""
-    kept_stretch: Real
-    """Their springs; (world, pair, 4), or (world, 1, 4)."""
     buffer: Real
     """Rows of a block of contacts, see :mod:`graindamp.dem.block`; (world, N_BUFFER)."""
 
@@ -244,6 +237,9 @@ class Worlds(NamedTuple):
 
 CACHE_LINE = 64
 """Bytes that memory and processor exchange at a time."""
+
+CELLS_PER_PARTICLE = 4
+"""Room for linked cells; in a bed that fills fewer, cells are made larger."""
 
 LARGE_PAGE = 2 << 20
 """Bytes of a large page of the processor's address tables; numpy asks the system for them from 4 MiB on."""
@@ -313,17 +309,13 @@ def empty_record(n_world: int, n_group: int, n_sample: int, stride: int, n_cycle
     )
 
 
-def empty_scratch(n_world: int, n_particle: int, n_element: int, capacity: int, with_stretch: bool) -> Scratch:
-    """Room for the refreshes of lists of at most `capacity` pairs."""
+def empty_scratch(n_world: int, n_particle: int, n_element: int) -> Scratch:
+    """Room for the refreshes of the lists of worlds of so many particles and wall elements."""
     integer: dict[str, Any] = {"dtype": np.int32}
     return Scratch(
-        start=np.zeros((n_world, 8 * n_particle + 64), **integer),
+        start=np.zeros((n_world, CELLS_PER_PARTICLE * n_particle + 64), **integer),
         place=np.zeros((n_world, n_particle), **integer),
         member=np.zeros((n_world, n_particle), **integer),
         near=np.zeros((n_world, max(n_particle, n_element)), **integer),
-        kept_first=np.zeros((n_world, capacity), **integer),
-        kept_second=np.zeros((n_world, capacity), **integer),
-        kept_onset=np.zeros((n_world, capacity)),
-        kept_stretch=np.zeros((n_world, capacity if with_stretch else 1, 4)),
         buffer=np.ones((n_world, N_BUFFER)),
     )

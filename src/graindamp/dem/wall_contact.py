@@ -44,11 +44,10 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
     first, second, grip = touches.first[w], touches.second[w], touches.grip[w]
     kind, shapes, patch, edges = walls.kind[w], walls.shape[w], walls.patch[w], walls.edges[w]
     grid, cell_start, cell_element = walls.grid[w], walls.cell_start[w], walls.cell_element[w]
-    near, kept_first, kept_second = scratch.near[w], scratch.kept_first[w], scratch.kept_second[w]
-    material, n_plain, capacity = walls.material[w], walls.n_plain[w], first.shape[0]
+    near, material, n_plain, capacity = scratch.near[w], walls.material[w], walls.n_plain[w], first.shape[0]
 
-    n_kept = keep(w, step, touches, rules, scratch)
-    n_touch, n_found, n_active = np.int64(0), np.int64(0), 0
+    kept = keep(w, step, touches, rules)
+    n_touch, n_active = np.int64(0), 0
     for i in range(particles.n_particle[w]):
         x, y, z, radius = position[i, 0], position[i, 1], position[i, 2], position[i, 3]
         n_near, n_cell, cell = 0, 0, 0
@@ -69,21 +68,20 @@ def refresh_touches(w, step, particles, touches, walls, rules, scratch):
                     k -= 1
                 near[k] = e
                 n_near += 1
-        if n_touch + n_near > capacity:
-            put_back(w, step, n_kept, OF_WALLS, touches, particles, material, rules, scratch)
+        if n_touch + n_near > kept:
+            put_back(w, step, n_active, kept, OF_WALLS, touches, particles, material, rules)
             return LISTS_FULL
         for k in range(n_near):
             e = near[k]
             first[n_touch], second[n_touch], grip[n_touch, TOUCHED] = i, e, -9.0
             if k == 0 or patch[near[k - 1]] != patch[e]:
-                while n_found < n_kept and (
-                    kept_first[n_found] < i or (kept_first[n_found] == i and patch[kept_second[n_found]] < patch[e])
-                ):
-                    n_found += 1
-                if n_found < n_kept and kept_first[n_found] == i and patch[kept_second[n_found]] == patch[e]:
-                    remember(w, step, n_found, n_touch, OF_WALLS, touches, particles, material, rules, scratch)
+                while kept < capacity and (first[kept] < i or (first[kept] == i and patch[second[kept]] < patch[e])):
+                    kept += 1
+                if kept < capacity and first[kept] == i and patch[second[kept]] == patch[e]:
+                    remember(w, step, kept, n_touch, OF_WALLS, touches, particles, material, rules)
                     touches.active[w, n_active] = n_touch
                     n_active += 1
+                    kept += 1
             n_touch += 1
     touches.n_active[w] = n_active
     touches.n_outer[w] = n_touch

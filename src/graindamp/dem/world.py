@@ -31,7 +31,7 @@ flat from 0.05 to 0.12."""
 PAIRS_PER_PARTICLE = 4.5
 """Room for pairs at the start [-]; equal spheres have three to four in the skin, and a full list grows by itself."""
 
-TOUCHES_PER_PARTICLE = 1.0
+TOUCHES_PER_PARTICLE = 0.75
 """Room for contacts with walls at the start [-], likewise."""
 
 
@@ -106,7 +106,6 @@ def world_of(
         n_particle=np.array([n], np.int32),
     )
     with_stretch = interactions.tangential >= TangentialLaw.MINDLIN
-    capacity = int(PAIRS_PER_PARTICLE * n) + 16
     largest = float(bed.radius.max())
     walls = walls_of(enclosure, interactions, largest + reach, 2.0 * largest)
     clock = Clock(
@@ -119,7 +118,7 @@ def world_of(
     )
     worlds = Worlds(
         particles=particles,
-        pairs=empty_contacts(1, capacity, with_stretch),
+        pairs=empty_contacts(1, int(PAIRS_PER_PARTICLE * n) + 16, with_stretch),
         touches=empty_contacts(1, int(TOUCHES_PER_PARTICLE * n) + 16, with_stretch),
         walls=walls,
         rules=Rules(
@@ -137,7 +136,7 @@ def world_of(
         motion=motion if motion is not None else motion_at_rest(),
         clock=clock,
         record=empty_record(1, len(enclosure.names), n_sample, stride, n_cycle),
-        scratch=empty_scratch(1, n, walls.kind.shape[1], capacity, with_stretch),
+        scratch=empty_scratch(1, n, walls.kind.shape[1]),
     )
     return aligned(worlds)
 
