@@ -6,7 +6,7 @@ from pydantic import BaseModel
 from graindamp.errors import InputError
 from graindamp.spec import measurement, project, structure
 from graindamp.spec.measurement import MeasurementSpec
-from graindamp.spec.model import Spec, load_spec, parse_spec
+from graindamp.spec.model import Spec, helps_of, load_spec, parse_spec
 from graindamp.spec.project import ProjectSpec
 
 PROJECT = """
@@ -110,7 +110,8 @@ def test_every_field_has_help_with_its_unit(kind):
     """The text under a field is its help; where the type knows a unit, the help names it."""
     assert issubclass(kind, Spec)
     for name, field in kind.model_fields.items():
-        assert field.description, f"{kind.__name__}.{name} has no help"
+        text = helps_of(kind).get(name, "")
+        assert text, f"{kind.__name__}.{name} has no help"
         unit = (field.json_schema_extra or {}).get("unit") if isinstance(field.json_schema_extra, dict) else None
         if unit:
-            assert f"[{unit}]" in field.description, f"{kind.__name__}.{name} does not name [{unit}]"
+            assert f"[{unit}]" in text, f"{kind.__name__}.{name} does not name [{unit}]"

@@ -130,13 +130,13 @@ def _locate(kind: type[Spec], loc: tuple[int | str, ...]) -> tuple[str, str]:
             continue
         field = owner.model_fields[part]
         key += ("." if key else "") + part
-        help_text = _helps(owner).get(part, "")
+        help_text = helps_of(owner).get(part, "")
         current = _models_in(field.annotation)
     return key, help_text
 
 
 @cache
-def _helps(model: type[Spec]) -> dict[str, str]:
+def helps_of(model: type[Spec]) -> dict[str, str]:
     """The text under each field of a description. Pydantic can gather it too, but does so for all descriptions when
     they are imported, which took a tenth of the time to the engine's first step."""
     found: dict[str, str] = {}
