@@ -3,7 +3,8 @@
     python fields.py [--out FOLDER] [--names baseline triple-star ...] [--no-run]
 
 Each field is `graindamp field NAME.toml`; all share one store, so that stopping and starting again costs nothing.
-Writes fields.png and fields.txt of whatever fields there are.
+Where stiff.py has run points at the stiffness of steel, they take the place of the softened ones. Writes fields.png and
+fields.txt of whatever fields there are.
 """
 
 import argparse
@@ -73,6 +74,16 @@ LANDMARKS: dict[str, tuple[Landmark, ...]] = {
 }
 
 
+def cost(name: str, field: xr.Dataset) -> str:
+    """How many particle-steps a field took."""
+    stiff = field["is_stiff"]
+    steps = field["particle_steps"]
+    return (
+        f"{name:14s} {int(stiff.count())} points, {int(stiff.sum())} of them at the stiffness of steel; "
+        f"{float(steps.where(~stiff).sum()):.2g} and {float(steps.where(stiff).sum()):.2g} particle-steps"
+    )
+
+
 def rows(name: str, field: xr.Dataset) -> list[str]:
     """What the field says at the paper's landmarks."""
     lines = []
@@ -86,6 +97,18 @@ def rows(name: str, field: xr.Dataset) -> list[str]:
     return lines
 
 
+def merged(softened: xr.Dataset, stiff: xr.Dataset | None) -> xr.Dataset:
+    """A field with the values of a part of it that was run with stiffer contacts; `is_stiff` says where."""
+    names = ("loss_factor", "loss_factor_se", "effective_mass_ratio", "effective_mass_ratio_se", "particle_steps")
+    field = softened[list(names)]
+    if stiff is None:
+        return field.assign(is_stiff=xr.zeros_like(field["loss_factor"], bool))
+    place = {"frequency": softened["frequency"], "intensity": softened["intensity"]}
+    found = stiff[list(names)].reindex(place, method="nearest", tolerance=1e-6)
+    there = found["loss_factor"].notnull()
+    return found.where(there, field).assign(is_stiff=there)
+
+
 def maps(fields: dict[str, xr.Dataset]) -> Figure:
     """Loss factors side by side as in the paper's Figs 4, 7, 11 and 12: everything above 1 has one colour."""
     across = min(len(fields), 3)
@@ -97,12 +120,18 @@ def maps(fields: dict[str, xr.Dataset]) -> Figure:
         axes.pcolormesh(field["frequency"], field["intensity"], values, vmin=0, vmax=1, shading="nearest")
         f = np.geomspace(40, 1000, 50)
         axes.plot(f, 1e-3 * (2 * np.pi * f) ** 2 / STANDARD_GRAVITY, "w--", lw=1)
+        stiff = field["is_stiff"].transpose("intensity", "frequency")
+        if bool(stiff.any()):
+            axes.contour(field["frequency"], field["intensity"], stiff, levels=[0.5], colors="w", linewidths=1)
         axes.set(xscale="log", yscale="log", title=name, ylim=(0.9, 44))
     for axes in panels[-1]:
         axes.set_xlabel("frequency [Hz]")
     for axes in panels[:, 0]:
         axes.set_ylabel("intensity Γ [-]")
-    figure.colorbar(panels.flat[0].collections[0], ax=panels, label="loss factor η [-]; dashed: X = 1 mm")
+    for axes in panels.flat[len(fields) :]:
+        axes.set_visible(False)
+    figure.colorbar(panels.flat[0].collections[0], ax=panels, label="loss factor η [-]")
+    figure.suptitle("dashed: X = 1 mm; framed: at the stiffness of steel", fontsize=9)
     return figure
 
 
@@ -121,9 +150,10 @@ def main() -> None:
             words = ["field", str(HERE / f"{name}.toml"), "-o", str(file), "--store", str(asked.out / "store")]
             subprocess.run([sys.executable, "-m", "graindamp", *words], check=True)
         if file.is_file():
-            fields[name] = read_field(file)
-            lines += rows(name, fields[name])
-            print("\n".join(rows(name, fields[name])))
+            stiff = asked.out / f"{name}-stiff.nc"
+            fields[name] = merged(read_field(file), read_field(stiff) if stiff.is_file() else None)
+            lines += [cost(name, fields[name]), *rows(name, fields[name])]
+    print("\n".join(lines))
     if not fields:
         print("no fields yet; run without --no-run")
         return

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from graindamp.dem.packing_store import Packing
-from graindamp.spec.field import FieldSpec
+from graindamp.spec.field import FieldSpec, GridPlan
 from graindamp.spec.model import load_spec
 
 HERE = Path(__file__).parent
@@ -120,6 +120,21 @@ def with_contact(spec: FieldSpec, **values: object) -> FieldSpec:
     part = spec.model_dump(exclude_unset=True)
     part["damper"]["contact"] |= values
     return FieldSpec.model_validate(part)
+
+
+STIFF_FROM, STIFF_TO = 90.0, 4.1
+"""Frequency [Hz] from which, and intensity Gamma [-] up to which, softening brings a resonance of the bed into the
+field."""
+
+
+def stiff(spec: FieldSpec, whole: bool = False) -> FieldSpec:
+    """The field at the stiffness of steel, where softening matters most or on the `whole` grid."""
+    assert isinstance(spec.plan, GridPlan)
+    frequencies = tuple(f for f in spec.plan.frequencies if whole or f > STIFF_FROM)
+    intensities = tuple(gamma for gamma in spec.plan.intensities if whole or gamma < STIFF_TO)
+    plan = GridPlan(frequency=frequencies, intensity=intensities)
+    stop = spec.stop.model_copy(update={"max_cycles": 25})
+    return with_contact(spec, softening=1.0).model_copy(update={"plan": plan, "stop": stop, "softening_study": None})
 
 
 def with_lid_at(packing: Packing, clearance: float) -> Packing:

@@ -115,6 +115,33 @@ def test_changes_of_a_copy_leave_the_rest_alone(setups):
     assert setups.with_contact(other, softening=spec.damper.contact.softening) == spec
 
 
+def test_the_stiff_part_is_where_softening_matters(setups):
+    spec = setups.load("baseline")
+    part, whole = setups.stiff(spec), setups.stiff(spec, whole=True)
+    assert part.damper.contact.softening == 1.0
+    assert set(part.plan.points) < set(spec.plan.points)
+    assert len(part.plan.points) == 36
+    assert min(part.plan.frequencies) > 90
+    assert max(part.plan.intensities) < 4.1
+    assert whole.plan.points == spec.plan.points
+    assert part.stop.max_cycles == 25
+
+
+def test_stiff_values_take_the_place_of_softened_ones():
+    import xarray as xr
+    from fields import cost, merged
+
+    names = ("loss_factor", "loss_factor_se", "effective_mass_ratio", "effective_mass_ratio_se", "particle_steps")
+    axes = {"frequency": [50.0, 100.0], "intensity": [1.0, 2.0, 4.0]}
+    softened = xr.Dataset({name: (tuple(axes), np.full((2, 3), 1.0)) for name in names}, axes)
+    stiff = 3.0 * softened.sel(frequency=[100.0], intensity=[1.0, 2.0])
+    field = merged(softened, stiff)
+    np.testing.assert_array_equal(field["loss_factor"], [[1, 1, 1], [3, 3, 1]])
+    np.testing.assert_array_equal(field["is_stiff"], [[0, 0, 0], [1, 1, 0]])
+    assert "2 of them at the stiffness of steel; 4 and 6 particle-steps" in cost("made", field)
+    assert not merged(softened, None)["is_stiff"].any()
+
+
 def test_tiny_bed_is_run_and_kept(setups, tmp_path):
     from courses import course
 
@@ -150,9 +177,11 @@ def test_tiny_copy_of_each_kind_runs(setups, name):
 
 @pytest.mark.slow
 def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
-    """All four, as small as they can be: what they print and draw."""
+    """As small as they can be: what they print and draw."""
     import fields
+    import resonance
     import sensitivity
+    import stiff
     import table_2
 
     out = tmp_path / "out"
@@ -169,6 +198,18 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["fields.py", "--out", str(out), "--no-run"])
     fields.main()
     assert "no fields yet" in capsys.readouterr().out
+    tiny = setups.with_contact(setups.small(setups.load("baseline"), 8), softening=1e4)
+    monkeypatch.setattr(resonance, "FREQUENCIES", (900.0, 1000.0))
+    monkeypatch.setattr("sys.argv", ["resonance.py", "--out", str(out), "--count", "8", "--softenings", "1000"])
+    resonance.main()
+    assert "softening  1000: eta" in capsys.readouterr().out
+    plan = tiny.plan.model_copy(update={"frequency": (1000.0,), "intensity": (1.0, 2.0)})
+    monkeypatch.setattr(
+        stiff, "stiff", lambda spec, whole: tiny.model_copy(update={"plan": plan, "softening_study": None})
+    )
+    monkeypatch.setattr("sys.argv", ["stiff.py", "--out", str(out), "--names", "baseline", "--workers", "1"])
+    stiff.main()
+    assert "2 points, 2 computed now" in capsys.readouterr().out
 
 
 def _few(sensitivity, spec):
