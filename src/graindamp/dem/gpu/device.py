@@ -29,6 +29,7 @@ CALLED_MODULES = (
     "graindamp.dem.grip",
     "graindamp.dem.energy",
     "graindamp.dem.gpu.block",
+    "graindamp.dem.gpu.verdict",
 )
 """Modules whose functions the compiler may call rather than weave into their callers: they are long or rarely run, and
 take few arguments."""
