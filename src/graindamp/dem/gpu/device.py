@@ -84,6 +84,26 @@ def working(body: Body) -> Body:
     return body
 
 
+def stay_apart() -> None:
+    """In a body that is long and seldom run: the compiler shall call it, not weave it into its caller, whose registers
+    it would take."""
+
+
+def _apart() -> Any:
+    """What stands for :func:`stay_apart` in compiled bodies."""
+    from numba import types
+    from numba.cuda.extending import intrinsic
+
+    def stays(typing: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            builder.function.attributes.add("noinline")
+            return context.get_dummy_value()
+
+        return types.none(), code
+
+    return intrinsic(stays)
+
+
 def simulated() -> bool:
     """Whether kernels run in numba's simulator, in plain Python and without a GPU."""
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") == "1"
@@ -209,6 +229,8 @@ class Builder:
         return FunctionType(code, names, body.__name__, body.__defaults__)
 
     def _globally(self, value: Any, single: bool) -> Any:
+        if value is stay_apart and not simulated():
+            return _apart()
         if hasattr(value, "py_func"):
             return self.device(value.py_func)
         if isinstance(value, FunctionType):

@@ -25,6 +25,7 @@ from graindamp.dem.gpu.columns import (
     UNTIL_CYCLE,
     WHOLE_MASS,
 )
+from graindamp.dem.gpu.device import stay_apart
 from graindamp.signals.stopping import (
     BATCHES,
     DRIFT_ERRORS,
@@ -42,6 +43,7 @@ def judge(counts, codes, numbers, rows, series, omega):
         counts, codes, numbers, rows, series: of the world's slot.
         omega: angular frequency of its cycles [rad/s].
     """
+    stay_apart()
     n = counts[ROW] - 1  # the first row is the start of the motion
     if n < 1 or rows[n, ROW_STEPS] != codes[PER_ROW]:
         return
