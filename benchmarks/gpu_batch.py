@@ -55,7 +55,7 @@ class Batch:
     def __init__(self, scene: Scene, worlds: int, precision: str, threads: int, n_step: int, **options: Any) -> None:
         """`worlds` worlds at the scene's phases in turn, from the option `phase` on, for at most `n_step` steps."""
         from graindamp.dem.gpu.batch import PRECISION
-        from graindamp.dem.gpu.columns import NEW, STAGE, TARGET
+        from graindamp.dem.gpu.columns import NEW, STAGE
         from graindamp.dem.gpu.device import Variant
         from graindamp.dem.gpu.kernels import kernels_of
         from graindamp.dem.gpu.load import loaded
@@ -92,9 +92,6 @@ class Batch:
             world = loads[slot % len(loads)]
             self.memory.load(slot, world)
             self.kernels.clear[1, threads](self.memory.batch, slot)
-            codes = world.arrays["slots"]["codes"].copy()
-            codes[TARGET] = n_step
-            self.memory.write("slots", "codes", slot, codes)
             counts = self.memory.read("slots", "counts", slot)
             counts[:] = 0
             counts[STAGE] = NEW

@@ -3,7 +3,6 @@
 import csv
 import math
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from graindamp.dem.packing import PHYSICS, pack
 from graindamp.dem.simulate import simulate
 from graindamp.dem.turned import turned
 from graindamp.signals.simulated import ratios_of
-from graindamp.signals.stopping import LEAST_CYCLES, Stopping, estimate
+from graindamp.signals.stopping import Stopping, estimate
 from graindamp.spec.field import FieldSpec
 from graindamp.spec.model import load_spec
 from graindamp.spec.simulation import SimulationSpec
@@ -50,23 +49,21 @@ SPREAD = 0.05
 themselves [-]; eta wanders by 5 to 10 % over 50 to 100 cycles (results/stopping_rule.md)."""
 
 
+def stopping() -> Stopping:
+    """The stopping rule of fields, one that has not looked yet."""
+    return Stopping(0.02, 0.05, 12)
+
+
 class Rule:
-    """The stopping rule of fields for one operating point, as the batch asks it."""
+    """The stopping rule of fields for one operating point, as the processor's engine asks it."""
 
-    next_look = LEAST_CYCLES
-    """Cycles before which it need not be asked."""
-
-    def __init__(self, spec: SimulationSpec, mass: float, hurry: Callable[[], bool] = lambda: False) -> None:
-        """`mass` is that of the bed [kg]; once `hurry` says so, the fewest cycles that a mean can be taken over are
-        enough, with the larger standard error that they have."""
+    def __init__(self, spec: SimulationSpec, mass: float) -> None:
+        """`mass` is that of the bed [kg]."""
         assert spec.base_frequency is not None
-        self.stopping, self.omega, self.mass = Stopping(0.02, 0.05, 12), 2.0 * math.pi * spec.base_frequency, mass
-        self.hurry = hurry
+        self.stopping, self.omega, self.mass = stopping(), 2.0 * math.pi * spec.base_frequency, mass
 
     def __call__(self, cycles: Any) -> bool:
         """Whether the run may end."""
-        if len(cycles.force) >= LEAST_CYCLES and self.hurry():
-            return True
         values = ratios_of(cycles.force, cycles.velocity, self.omega, self.mass)
         return self.stopping.enough(values.loss_factor, values.effective_mass_ratio)
 
@@ -126,12 +123,12 @@ def check_points(which: str, data: Path, rehearse: bool, clock: Clock, report: R
         known = [value_of(simulate(task.spec, packing=task.packing)) for task in tasks]
     else:
         known = _read(data / f"{which}.csv")
-    masses = [mass_of(task.spec, task.packing) for task in tasks]
     begin, steps, rows = time.perf_counter(), 0, []
     few = which == "baseline" and not rehearse
     runs = simulate_batch(
         tasks[: len(known)],
-        enough=lambda k: Rule(specs[k], masses[k], lambda: clock.left < HURRY),
+        stopping=lambda k: stopping(),
+        hurry=lambda: clock.left < HURRY,
         progress=lambda finished, work: clock.check(),
         cache=data,
         slots=len(specs) if few else None,

@@ -13,7 +13,7 @@ from graindamp.dem.container import enclosure_of
 from graindamp.dem.energy import energies
 from graindamp.dem.engine import run, start
 from graindamp.dem.gpu import batch, device
-from graindamp.dem.gpu.columns import STATUS, TARGET
+from graindamp.dem.gpu.columns import STATUS
 from graindamp.dem.gpu.device import Builder, Variant
 from graindamp.dem.gpu.kernels import advance, kernels_of
 from graindamp.dem.gpu.load import loaded
@@ -140,9 +140,6 @@ def both(
     memory = Memory(room, REAL[precision])
     variant = Variant(REAL[precision], THREADS, room.springs, room.rolling, team is not None)
     memory.load(0, world)
-    codes = world.arrays["slots"]["codes"].copy()
-    codes[TARGET] = n_step
-    memory.write("slots", "codes", 0, codes)
     with quick_turns():
         kernels_of(variant).clear[1, THREADS](memory.batch, 0)
         if team is None:

@@ -102,6 +102,7 @@ def kernel_of(name: str, precision: str, features: bool) -> dict[str, Any]:
         "target": int("sm_90" in ptx),
         "own": sum(operations(ptx, own).values()),
         "other": operations(ptx, other),
+        "apart": len(re.findall(r"^\.weak \.func .*verdict5judge", ptx, re.MULTILINE)),
         "barriers": ptx.count("bar.sync") + ptx.count("barrier.sync") + ptx.count("bar.red"),
         "float_atomics": len(re.findall(r"\b(?:atom|red)\.[a-z.]*f(?:32|64)", ptx)),
     }

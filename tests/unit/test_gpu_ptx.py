@@ -67,9 +67,11 @@ def test_forces_in_mixed_precision_are_single_where_they_are_meant_to_be():
 @pytest.mark.parametrize(("precision", "features"), [("mixed", "plain"), ("double", "features")])
 def test_the_kernel_compiles(precision, features):
     """As fields run it, in mixed precision without springs and teams; and in double precision with all of them, where
-    nothing is single. No atomic sums: their order would show."""
+    nothing is single. No atomic sums: their order would show. The stopping rule is called, not woven in, where it would
+    take registers from the steps."""
     found = compiled("advance", precision, features)
     assert found["entries"] == found["target"] == 1
+    assert found["apart"] >= 1
     assert found["barriers"] > 10
     assert found["float_atomics"] == 0
     assert found["own"] > 100

@@ -7,12 +7,16 @@ pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not in
 
 from dem_made import FLOOR, STEEL, channel, damper_of, harmonic, loose
 from gpu_made import Team, bed_of, both, packing_of, quick_turns, spec_of
-from graindamp.dem.gpu import batch, load, memory
+from graindamp.dem.gpu import batch, device, load, memory
 from graindamp.dem.gpu.batch import Task, simulate_batch
-from graindamp.dem.gpu.device import Variant
+from graindamp.dem.gpu.device import Builder, Variant
+from graindamp.dem.gpu.kernels import Kernels, advance, kernels_of
+from graindamp.dem.gpu.memory import Memory
 from graindamp.dem.simulate import simulate
 from graindamp.dem.world import motion_at_rest
 from graindamp.errors import InputError
+from graindamp.signals.simulated import ratios_of
+from graindamp.signals.stopping import Stopping
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import SimulationSpec
 
@@ -316,27 +320,104 @@ def test_too_little_memory_means_fewer_slots(monkeypatch):
     assert all(len(run.cycle_force) == 1 for run in runs.values())
 
 
+def bouncing(cycles=16, frequency=1500.0, intensity=2200.0):
+    """An operating point of two balls that meet ends and each other, 40 steps per cycle."""
+    spec = spec_of(2, frequency, intensity, cycles=cycles)
+    coarse = {"steps_per_contact": 10.0, "sample_rate": 20.0 * frequency}
+    return Task(spec.model_copy(update={"run": spec.run.model_copy(update=coarse)}), packing_of(2))
+
+
+def on_the_processor(task, rule):
+    """The run of a task, ended by a rule."""
+    omega, mass = 2.0 * np.pi * task.spec.base_frequency, np.sum(4.0 / 3.0 * np.pi * task.packing.radius**3 * 7850.0)
+
+    def enough(cycles):
+        values = ratios_of(cycles.force, cycles.velocity, omega, mass)
+        return rule.enough(values.loss_factor, values.effective_mass_ratio)
+
+    return simulate(task.spec, packing=task.packing, enough=enough)
+
+
+def stopping(number=0):
+    """A rule that looks at eight cycles, and is content after some more."""
+    return Stopping(0.02, 0.05, 8)
+
+
+@pytest.fixture(scope="module")
+def stopped():
+    """A run that its rule ends in the middle of a launch."""
+    return run_all([bouncing()], stopping=stopping, slots=1, chunk=10**6, variant=Variant(threads=1))[0]
+
+
 @pytest.mark.slow
-def test_a_run_ends_when_it_is_known_well_enough():
-    """The rule is asked after every cycle, but not before its next look."""
+def test_the_device_ends_a_run_that_is_known_well_enough(stopped, monkeypatch):
+    """With the cycle with which the processor ends it; what has no rule beside it runs on, and the next world takes its
+    slot. A slot is added under way, and what the cycles before gave is kept. The host reads rows of worlds that have
+    ended and of no other."""
+    read, asked = Memory.read, []
 
-    class Rule:
-        next_look = 2
+    def reads(self, part, name, slot=None):
+        asked.append((part, name))
+        return read(self, part, name, slot)
 
-        def __init__(self):
-            self.asked = []
+    monkeypatch.setattr(Memory, "read", reads)
+    given = [bouncing(), bouncing(11, 1300.0), bouncing(9)]
+    rules = [stopping(), None, Stopping(1e-9, 1e-9, 8)]
+    runs = run_all(hesitant(given), stopping=rules.__getitem__, slots=2, chunk=150, variant=Variant(threads=1))
+    cpu = [on_the_processor(given[0], stopping()), *(simulate(task.spec, packing=task.packing) for task in given[1:])]
+    assert [len(run.cycle_force) for run in cpu] == [10, 11, 9]
+    for number, one in enumerate(cpu):
+        assert runs[number].n_step == one.n_step
+        np.testing.assert_allclose(runs[number].cycle_force, one.cycle_force, rtol=DOUBLE)
+        for a, b in zip(runs[number].end, one.end, strict=True):
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * max(np.abs(b).max(), 1.0))
+    assert list(runs) == [0, 1, 2]
+    assert asked.count(("slots", "rows")) == len(given) + 1  # and once as all arrays were made anew
+    for a, b in zip(facts(runs[0]), facts(stopped), strict=True):
+        np.testing.assert_array_equal(a, b)
 
-        def __call__(self, cycles):
-            self.asked.append(len(cycles.force))
-            return len(cycles.force) >= 3
 
-    rule = Rule()
-    task = Task(spec_of(2, cycles=5, frequency=2000.0), packing_of(2))
-    run = run_all([task], enough=lambda number: rule, chunk=70)[0]
-    assert rule.asked == [2, 3]
-    assert len(run.cycle_force) == 3
-    again = simulate(task.spec, packing=task.packing, enough=lambda cycles: len(cycles.force) >= 3)
-    np.testing.assert_allclose(run.end.position, again.end.position, rtol=0, atol=1e-12)
+class SideBySide:
+    """Stands for a kernel whose blocks run at the same time."""
+
+    def __init__(self, team, body):
+        self.team, self.body = team, body
+
+    def __getitem__(self, shape):
+        return lambda *arguments: self.team.launch(self.body, *arguments)
+
+
+@pytest.mark.slow
+def test_a_team_ends_with_the_cycle_that_is_enough(stopped, monkeypatch):
+    """All blocks leave the world after the same step, though one alone has judged it."""
+
+    def kernels(variant):
+        team, clear = Team(2, 2), kernels_of(variant).clear
+        with monkeypatch.context() as patch:
+            patch.setattr(device, "_SimulatedCuda", lambda: team)
+            return Kernels(SideBySide(team, Builder(variant).plain(advance)), clear)
+
+    monkeypatch.setattr(batch, "kernels_of", kernels)
+    run = run_all([bouncing()], stopping=stopping, slots=1, team=2, chunk=390, variant=Variant(threads=2))[0]
+    assert run.n_step == stopped.n_step
+    np.testing.assert_allclose(run.end.position, stopped.end.position, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("launches", "cycles"), [(0, 8), (1, 10)])
+def test_worlds_in_a_hurry_end_with_their_next_cycle(launches, cycles):
+    """From the start: with the fewest cycles of a mean. After 390 steps, 3 of them at rest: with the tenth."""
+    asked = iter(range(100))
+    runs = run_all(
+        [bouncing(), bouncing()],
+        stopping=[None, Stopping(1e-9, 1e-9, 8)].__getitem__,
+        hurry=lambda: next(asked) >= launches,
+        slots=2,
+        chunk=390,
+        variant=Variant(threads=1),
+    )
+    assert [len(run.cycle_force) for run in runs.values()] == [cycles, cycles]
+    assert next(asked) == launches + 1  # what is true once is not asked again
 
 
 @pytest.mark.slow

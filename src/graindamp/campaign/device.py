@@ -6,19 +6,20 @@ executor needs to know nothing of GPUs: what it runs in many threads of one proc
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from graindamp.campaign.backends import DeviceLost, precision_of
-from graindamp.campaign.point import PointResult, PointRule, PointTask, bed_mass, result_of
+from graindamp.campaign.point import PointResult, PointTask, result_of
 from graindamp.errors import InputError
 
 if TYPE_CHECKING:
     from graindamp.dem.gpu.batch import Task
     from graindamp.dem.run import Run
+    from graindamp.signals.stopping import Stopping
 
 STOPPED = "the campaign was stopped"
 WAITING = 8
@@ -40,12 +41,13 @@ def measure_on_device(task: PointTask, start: PointResult | None) -> PointResult
     from graindamp.dem.gpu.batch import Task
     from graindamp.dem.packing import pack
     from graindamp.dem.run import BedState
+    from graindamp.signals.stopping import Stopping
 
     packing = pack(task.simulation.damper, folder=task.where)
-    mass = bed_mass(task, packing)
     bed = None if start is None else BedState(start.end_position, start.end_velocity, start.end_spin)
     device = _device_of(precision_of(task.backend), task.where)
-    run = device.simulate(Task(task.simulation, packing, bed), lambda: PointRule(task, mass))
+    rule = Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles)
+    run = device.simulate(Task(task.simulation, packing, bed), rule)
     return result_of(task, run, packing)
 
 
@@ -83,8 +85,7 @@ def stop_devices() -> None:
 
 class _Asked(NamedTuple):
     task: "Task"
-    rule: Callable[[], PointRule]
-    """Makes a rule that has not looked yet."""
+    rule: "Stopping"
     run: "Future[Run]"
 
 
@@ -105,7 +106,7 @@ class Device:
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
 
-    def simulate(self, task: "Task", rule: Callable[[], PointRule]) -> "Run":
+    def simulate(self, task: "Task", rule: "Stopping") -> "Run":
         """The run of a task; returns when it has ended.
 
         Raises:
@@ -151,7 +152,7 @@ class Device:
 
         runs = simulate_batch(
             self._tasks(),
-            enough=lambda number: self._under_way[number].rule(),
+            stopping=lambda number: self._under_way[number].rule,
             refused=self._refuse,
             precision=self.precision,
             folder=self.folder,

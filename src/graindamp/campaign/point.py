@@ -213,7 +213,7 @@ class PointResult(NamedTuple):
 
 
 class PointRule:
-    """When the run of a task may end, asked after each of its cycles: the same rule for every back end."""
+    """When the run of a task on the processor may end, asked after each of its cycles; a GPU has the same rule."""
 
     def __init__(self, task: PointTask, mass: float) -> None:
         """A rule that has not looked yet, for a bed of the given mass [kg]."""
@@ -221,11 +221,6 @@ class PointRule:
 
         self._stopping = Stopping(task.stop.tolerance, task.stop.floor, task.stop.min_cycles)
         self._omega, self._mass = 2.0 * math.pi * task.frequency, mass
-
-    @property
-    def next_look(self) -> int:
-        """Cycles before which it need not be asked [-]."""
-        return self._stopping.next_look
 
     def __call__(self, cycles: "Cycles") -> bool:
         """Whether the run may end, from all of its cycles."""

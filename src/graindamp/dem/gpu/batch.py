@@ -1,5 +1,5 @@
-"""Many operating points at once on one GPU: each has a slot while it runs, and leaves it to the next one when it is
-known well enough."""
+"""Many operating points at once on one GPU: each has a slot while it runs, and leaves it to the next one when it has
+ended. The device decides when that is; the host looks at counts after every launch."""
 
 import time
 from collections import deque
@@ -8,17 +8,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from graindamp.dem.gpu.columns import (
+    ENOUGH,
+    FLOOR,
     IDLE,
-    N_ROW,
+    N_COUNT,
     NEW,
+    NEXT_LOOK,
     ROW,
     STAGE,
     STATUS,
     STEP,
-    TARGET,
+    TOLERANCE,
+    UNTIL,
+    UNTIL_CYCLE,
+    UNTIL_END,
+    UNTIL_KNOWN,
     WANTED_PAIRS,
     WANTED_TOUCHES,
 )
@@ -26,12 +32,12 @@ from graindamp.dem.gpu.device import Variant, require, simulated
 from graindamp.dem.gpu.kernels import Kernels, kernels_of
 from graindamp.dem.gpu.load import Described, Describer
 from graindamp.dem.gpu.memory import Memory, covering
-from graindamp.dem.gpu.outcome import cycles_of, run_of
+from graindamp.dem.gpu.outcome import run_of
 from graindamp.dem.gpu.state import Room
 from graindamp.dem.packing_store import Packing
 from graindamp.dem.run import BedState, Run
-from graindamp.dem.simulate import Enough
 from graindamp.errors import InputError
+from graindamp.signals.stopping import Stopping
 from graindamp.spec.simulation import SimulationSpec
 from graindamp.status import Status
 
@@ -66,7 +72,8 @@ class Task(NamedTuple):
 def simulate_batch(
     tasks: Iterable[Task | None],
     *,
-    enough: Callable[[int], Enough] | None = None,
+    stopping: Callable[[int], Stopping | None] | None = None,
+    hurry: Callable[[], bool] | None = None,
     refused: Callable[[int, InputError], None] | None = None,
     precision: str = "mixed",
     folder: Path | None = None,
@@ -86,8 +93,10 @@ def simulate_batch(
     Args:
         tasks: operating points; taken from the iterable when a slot is free, so that it may be endless for a while.
             None: there is none now, look again after a launch. If nothing is under way either, the batch ends.
-        enough: called with the number of a task; gives what is asked after its cycles whether it may end. If that has
-            attribute `next_look`, it is not asked before so many cycles.
+        stopping: called with the number of a task; gives the rule by which the device ends it, one that has not looked
+            yet. None: it runs to the end of its description, as those without cycles always do.
+        hurry: asked before every launch; once it is True, every operating point ends with its next whole cycle that is
+            the eighth or a later one, whatever its rule.
         refused: told the number of a task that cannot be simulated and why; the others go on. None: raised.
         precision: "mixed" or "double".
         folder: what files in the descriptions are relative to; None: the working folder.
@@ -115,7 +124,8 @@ def simulate_batch(
     slots = slots or max(blocks // team, 1)
     if team > 1 and slots * team > blocks:
         raise InputError(f"{slots} slots of {team} blocks are more than the {blocks} that run at once; use fewer")
-    driver = _Driver(iter(tasks), enough, refused, base, Describer(folder, cache), slots, team, chunk, progress)
+    describer = Describer(folder, cache)
+    driver = _Driver(iter(tasks), stopping, hurry, refused, base, describer, slots, team, chunk, progress)
     yield from driver.results()
 
 
@@ -132,25 +142,15 @@ def full_slots() -> int:
 class _Resident:
     """A world in its slot."""
 
-    def __init__(self, number: int, world: Described, rule: Enough | None) -> None:
+    def __init__(self, number: int, world: Described, rule: Stopping | None) -> None:
         self.number, self.world, self.rule = number, world, rule
-        self.rows: NDArray[np.float64] = np.zeros((0, N_ROW))
         self.step, self.seconds = 0, 0.0
-        self.goal = self.next_goal()
 
-    def next_goal(self) -> int:
-        """Step at which to pause next: after the cycle at which its rule looks next, or at the end."""
-        loaded, plan = self.world.loaded, self.world.plan
-        if self.rule is None or not plan.per_cycle:
-            return loaded.end
-        cycles = max(len(cycles_of(self.rows, plan).force) + 1, int(getattr(self.rule, "next_look", 0)))
-        return min(loaded.n_settle + cycles * plan.per_cycle, loaded.end)
-
-    def ended(self) -> bool:
-        """Whether the world, paused at its goal, needs no more steps."""
-        if self.step >= self.world.loaded.end:
-            return True
-        return self.rule is not None and self.rule(cycles_of(self.rows, self.world.plan))
+    def until(self, hurries: bool) -> int:
+        """Until when it runs."""
+        if not self.world.plan.per_cycle:
+            return UNTIL_END
+        return UNTIL_CYCLE if hurries else UNTIL_END if self.rule is None else UNTIL_KNOWN
 
 
 class _Driver:
@@ -159,7 +159,8 @@ class _Driver:
     def __init__(
         self,
         tasks: Iterator[Task | None],
-        enough: Callable[[int], Enough] | None,
+        stopping: Callable[[int], Stopping | None] | None,
+        hurry: Callable[[], bool] | None,
         refused: Callable[[int, InputError], None] | None,
         variant: Variant,
         describer: Describer,
@@ -168,7 +169,8 @@ class _Driver:
         chunk: int | None,
         progress: Callable[[int, float], None] | None,
     ) -> None:
-        self.tasks, self.enough, self.refused = tasks, enough, refused
+        self.tasks, self.stopping, self.refused = tasks, stopping, refused
+        self.hurry, self.hurries = hurry, False
         self.variant, self.describer, self.team = variant, describer, team
         self.most, self.taken = slots, 0
         self.chunk, self.adapt, self.progress = chunk or FIRST_CHUNK, chunk is None and not simulated(), progress
@@ -225,9 +227,7 @@ class _Driver:
             self.memory.load(slot, resident.world.loaded)
             self.kernels.clear[1, self.variant.threads](self.memory.batch, slot)
             self._aim(slot, resident)
-            counts = np.zeros(self.memory.layout["slots"]["counts"][0][1], np.int64)
-            counts[STAGE] = NEW
-            self.memory.write("slots", "counts", slot, counts)
+            self._start(slot, resident)
         return True
 
     def _taken_in(self) -> list[tuple[int, _Resident]]:
@@ -240,7 +240,7 @@ class _Driver:
             if found is None:
                 break
             number, world = found
-            resident = _Resident(number, world, self.enough(number) if self.enough else None)
+            resident = _Resident(number, world, self.stopping(number) if self.stopping else None)
             self.resident[slot : slot + 1] = [resident]
             new.append((slot, resident))
         return new
@@ -288,14 +288,32 @@ class _Driver:
         self.refused(worlds[0].number, reason)
 
     def _aim(self, slot: int, resident: _Resident) -> None:
+        """Tell a world until when it runs."""
         assert self.memory is not None
         codes = resident.world.loaded.arrays["slots"]["codes"].copy()
-        codes[TARGET] = resident.goal
+        codes[UNTIL] = resident.until(self.hurries)
         self.memory.write("slots", "codes", slot, codes)
+
+    def _start(self, slot: int, resident: _Resident) -> None:
+        """Give a world its rule, and let it begin with the next launch."""
+        assert self.memory is not None
+        counts = np.zeros(N_COUNT, np.int64)
+        counts[STAGE] = NEW
+        if resident.rule is not None:
+            numbers = resident.world.loaded.arrays["slots"]["numbers"].copy()
+            numbers[TOLERANCE], numbers[FLOOR] = resident.rule.tolerance, resident.rule.floor
+            self.memory.write("slots", "numbers", slot, numbers)
+            counts[NEXT_LOOK] = resident.rule.next_look
+        self.memory.write("slots", "counts", slot, counts)
 
     def _launch(self) -> None:
         assert self.memory is not None
         assert self.kernels is not None
+        if not self.hurries and self.hurry is not None and self.hurry():
+            self.hurries = True
+            for slot, one in enumerate(self.resident):
+                if one is not None:
+                    self._aim(slot, one)
         begin = time.perf_counter()
         self.kernels.advance[len(self.resident) * self.team, self.variant.threads](self.memory.batch, self.chunk)
         self.counts = self.memory.read("slots", "counts")
@@ -316,7 +334,7 @@ class _Driver:
             self.progress(self.finished, self.work)
 
     def _look(self) -> Iterator[tuple[int, Run]]:
-        """Take what is finished out of its slot, let what paused go on, and make room where lists are full."""
+        """Take what has ended out of its slot, and make room where lists are full."""
         assert self.memory is not None
         full = []
         for slot, one in enumerate(self.resident):
@@ -326,18 +344,14 @@ class _Driver:
             if counts[STATUS] & LISTS_FULL:
                 full.append(slot)
                 continue
-            if counts[ROW] > len(one.rows):
-                one.rows = self.memory.read("slots", "rows", slot)[: counts[ROW]]
-            if counts[STATUS] or (one.step >= one.goal and one.ended()):
-                run = run_of(one.world, one.rows, one.step, one.seconds, int(counts[STATUS]), self.memory, slot)
+            if counts[STATUS] or counts[ENOUGH] or one.step >= one.world.loaded.end:
+                rows = self.memory.read("slots", "rows", slot)[: counts[ROW]]
+                run = run_of(one.world, rows, one.step, one.seconds, int(counts[STATUS]), self.memory, slot)
                 counts[STAGE] = IDLE
                 self.memory.write("slots", "counts", slot, counts)
                 self.resident[slot] = None
                 self.finished += 1
                 yield one.number, run
-            elif one.step >= one.goal:
-                one.goal = one.next_goal()
-                self._aim(slot, one)
         if full:
             self._relieve(full)
 

@@ -24,7 +24,11 @@ DUE = 12
 """Last step at which a list was due, for the blocks of a team."""
 MEETINGS = 13
 """Arrivals of blocks of the team at its meetings [-]."""
-N_COUNT = 14
+NEXT_LOOK = 14
+"""Whole cycles at which the stopping rule looks next [-]."""
+ENOUGH = 15
+"""1: known well enough, the world has ended."""
+N_COUNT = 16
 
 # Slots.codes
 N_PARTICLE = 0
@@ -36,8 +40,8 @@ N_SETTLE = 5
 """Steps at rest before the motion."""
 PER_ROW = 6
 """Steps between two rows, a cycle for motions with cycles."""
-TARGET = 7
-"""Step at which the world pauses."""
+UNTIL = 7
+"""Until when the world runs: UNTIL_END, UNTIL_KNOWN or UNTIL_CYCLE."""
 END = 8
 """Last step."""
 GIVEN = 9
@@ -60,7 +64,12 @@ CARRIED_SPEED = 10
 MOVING = 11
 """Between launches: acceleration (11-13) and velocity (14-16) of the container now, weights of the Fourier sums (17,
 18); see :func:`graindamp.dem.gpu.steps.container`."""
-N_NUMBER = 19
+WHOLE_MASS = 19
+"""Mass of all particles [kg]."""
+TOLERANCE = 20
+"""Of the stopping rule, as in :class:`graindamp.signals.stopping.Stopping` [-]."""
+FLOOR = 21
+N_NUMBER = 22
 
 # Slots.sums, one number per thread; the first N_TOTAL of a row of Slots.rows are their totals
 FORCE_COS = 0
@@ -103,6 +112,17 @@ ROW_TIME = 22
 """Since the start of the motion [s]."""
 N_ROW = 23
 
+# Slots.series
+ETA = 0
+"""Loss factor of every whole cycle [-]."""
+RATIO = 1
+"""Effective mass ratio of every whole cycle [-]."""
+REST = 2
+"""Room for what a straight line leaves over."""
+PAIRS = 3
+"""Room for means."""
+N_SERIES = 4
+
 # Record of a contact
 FORCE = 0
 """Force on the first body (0-2) [N]."""
@@ -118,6 +138,9 @@ N_RECORD = 8
 
 NEW, RUNNING, HALTED, IDLE = 0, 1, 2, 3
 """Stages of a slot: a world not started, between two steps, in a step whose lists had no room, no world."""
+
+UNTIL_END, UNTIL_KNOWN, UNTIL_CYCLE = 0, 1, 2
+"""A world runs to its last step, until it is known well enough, or until its next whole cycle."""
 
 BEYOND = 1e9
 """A way that no list outlasts [m]."""

@@ -29,6 +29,7 @@ CALLED_MODULES = (
     "graindamp.dem.grip",
     "graindamp.dem.energy",
     "graindamp.dem.gpu.block",
+    "graindamp.dem.gpu.verdict",
 )
 """Modules whose functions the compiler may call rather than weave into their callers: they are long or rarely run, and
 take few arguments."""
@@ -81,6 +82,26 @@ def working(body: Body) -> Body:
     """Mark a body whose literals are of the working type."""
     body.__dict__["literals"] = "working"
     return body
+
+
+def stay_apart() -> None:
+    """In a body that is long and seldom run: the compiler shall call it, not weave it into its caller, whose registers
+    it would take."""
+
+
+def _apart() -> Any:
+    """What stands for :func:`stay_apart` in compiled bodies."""
+    from numba import types
+    from numba.cuda.extending import intrinsic
+
+    def stays(typing: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            builder.function.attributes.add("noinline")
+            return context.get_dummy_value()
+
+        return types.none(), code
+
+    return intrinsic(stays)
 
 
 def simulated() -> bool:
@@ -208,6 +229,8 @@ class Builder:
         return FunctionType(code, names, body.__name__, body.__defaults__)
 
     def _globally(self, value: Any, single: bool) -> Any:
+        if value is stay_apart and not simulated():
+            return _apart()
         if hasattr(value, "py_func"):
             return self.device(value.py_func)
         if isinstance(value, FunctionType):

@@ -14,6 +14,7 @@ from graindamp.dem.gpu.block import any_due, meet
 from graindamp.dem.gpu.columns import (
     BEYOND,
     END,
+    ENOUGH,
     HALTED,
     IDLE,
     MOVING,
@@ -26,7 +27,6 @@ from graindamp.dem.gpu.columns import (
     STAGE,
     STATUS,
     STEP,
-    TARGET,
     WAY_OUTER,
 )
 from graindamp.dem.gpu.device import TEAMS, THREADS, Builder, Variant
@@ -37,7 +37,8 @@ from graindamp.dem.gpu.touches import wall_forces
 
 
 def advance(batch, limit):
-    """Advance the world of this block by at most `limit` steps, until its target, or until a status bit stops it.
+    """Advance the world of this block by at most `limit` steps, until its end, until the cycle with which it is known
+    well enough, or until a status bit stops it.
 
     A team of blocks shares out particles and contacts of its world; lists and what else is done rarely are the work of
     its first block."""
@@ -54,15 +55,15 @@ def advance(batch, limit):
     own, every = (cuda.blockIdx.x % team) * width + thread, team * width
     counts, codes = batch.slots.counts[w], batch.slots.codes[w]
     stage, step, status, done = counts[STAGE], counts[STEP], counts[STATUS], 0
-    target, n_settle, per_row, end = codes[TARGET], codes[N_SETTLE], codes[PER_ROW], codes[END]
-    if stage == IDLE or status != 0 or (stage == RUNNING and step >= target):
+    n_settle, per_row, end = codes[N_SETTLE], codes[PER_ROW], codes[END]
+    if stage == IDLE or status != 0 or counts[ENOUGH] != 0 or (stage == RUNNING and step >= end):
         return
     if thread == 0:
         here[0] = w
         for c in range(8):
             moving[step % 2, c] = batch.slots.numbers[w, MOVING + c]
     meet(counts, team)
-    while stage != RUNNING or (step < target and done < limit):
+    while stage != RUNNING or (step < end and done < limit):
         due = 1
         if stage == RUNNING:
             w = here[0]
@@ -98,10 +99,12 @@ def advance(batch, limit):
             speeds(w, now, own, batch)
         meet(batch.slots.counts[here[0]], team)
         writes = step >= n_settle and ((step - n_settle) % per_row == 0 or step == end)
-        if writes or stage == NEW or step == n_settle or step == target or done == limit:  # noqa: SIM109
+        if writes or stage == NEW or step == n_settle or done == limit:
             if first:
                 occasion(here[0], step, stage, now, writes, buffer, thread, width, batch)
             meet(batch.slots.counts[here[0]], team)
+            if batch.slots.counts[here[0], ENOUGH] != 0:
+                limit = done
         stage = RUNNING
     if own == 0:
         w = here[0]

@@ -27,6 +27,7 @@ from graindamp.dem.gpu.columns import (
     TANGENTIAL,
     TENSION,
     TIME_STEP,
+    WHOLE_MASS,
 )
 from graindamp.dem.gpu.state import Room
 from graindamp.dem.interactions import Interactions, interactions_of
@@ -136,6 +137,7 @@ def loaded(
         skin,
         largest,
     )
+    numbers[WHOLE_MASS] = mass.sum()
     if n_settle == 0:
         move(0, 0.0, motion)
         numbers[MOVING : MOVING + 3], numbers[MOVING + 3 : MOVING + 6] = motion.acceleration[0], motion.velocity[0]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from graindamp.dem.columns import N_COLUMN, N_GRIP, N_NODE, N_SPEED_BIN
-from graindamp.dem.gpu.columns import N_CODE, N_COUNT, N_NUMBER, N_RECORD, N_ROW, N_SUM
+from graindamp.dem.gpu.columns import N_CODE, N_COUNT, N_NUMBER, N_RECORD, N_ROW, N_SERIES, N_SUM
 from graindamp.dem.state import Motion, Walls
 from graindamp.dem.walls import N_SHAPE
 
@@ -121,6 +121,8 @@ class Slots(NamedTuple):
     """Sums of every thread, double; (slot, N_SUM, thread)."""
     rows: Array
     """What is written down at the end of every cycle, double; (slot, row, N_ROW)."""
+    series: Array
+    """What the stopping rule looks at, and its room to work in, double; (slot, N_SERIES, row)."""
     impact: Array
     """Impacts by speed, between particles and with walls, int64; (slot, 2, N_SPEED_BIN)."""
 
@@ -262,6 +264,7 @@ def layout(room: Room, real: type) -> dict[str, dict[str, tuple[tuple[int, ...],
             "numbers": ((s, N_NUMBER), f8),
             "sums": ((s, N_SUM, room.threads), f8),
             "rows": ((s, room.rows, N_ROW), f8),
+            "series": ((s, N_SERIES, room.rows), f8),
             "impact": ((s, 2, N_SPEED_BIN), i8),
         },
         "scratch": {

@@ -45,6 +45,8 @@ from graindamp.dem.gpu.columns import (
     TANGENTIAL,
     TIME_STEP,
     TORQUE,
+    UNTIL,
+    UNTIL_END,
     WAY_INNER,
     WAY_LAST,
     WAY_OUTER,
@@ -53,6 +55,7 @@ from graindamp.dem.gpu.columns import (
 from graindamp.dem.gpu.device import REAL, WITH_ROLLING, WITH_SPRINGS, working
 from graindamp.dem.gpu.lists import narrow_pairs, refresh_pairs
 from graindamp.dem.gpu.touches import refresh_touches
+from graindamp.dem.gpu.verdict import judge
 from graindamp.dem.laws import NormalLaw, TangentialLaw
 from graindamp.dem.motion import DIRECTION, FUNDAMENTAL, move
 from graindamp.dem.neighbours import INNER_STEPS
@@ -198,7 +201,7 @@ def carry(w, buffer, thread, width, batch):
 
 
 def occasion(w, step, stage, now, writes, buffer, thread, width, batch):
-    """What is not done in every step: begin, let the container set off, write a row, show velocities."""
+    """What is not done in every step: begin, let the container set off, write a row, show velocities, end."""
     collect(w, step, thread, width, batch)
     if stage == NEW:
         take_back(w, thread, width, batch)
@@ -207,6 +210,10 @@ def occasion(w, step, stage, now, writes, buffer, thread, width, batch):
     show(w, now, thread, width, batch)
     if writes:
         write_row(w, step, now, buffer, thread, width, batch)
+        slots = batch.slots
+        if thread == 0 and slots.codes[w, UNTIL] != UNTIL_END:
+            omega = batch.motion.timing[w, FUNDAMENTAL]
+            judge(slots.counts[w], slots.codes[w], slots.numbers[w], slots.rows[w], slots.series[w], omega)
 
 
 def collect(w, step, thread, width, batch):
