@@ -45,6 +45,11 @@ def test_a_bed_that_was_turned_rests_under_its_new_gravity(tmp_path):
     again = turned(spec, packing, physics=PHYSICS, cache=tmp_path)
     assert_array_equal(again.position, settled.position)
 
+    # The same bed under another lid is another bed, in the cache too.
+    higher = packing._replace(lid_height=packing.lid_height + 1e-3, clearance=packing.clearance + 1e-3)
+    assert turned(spec, higher, physics=PHYSICS, cache=tmp_path).lid_height == higher.lid_height
+    assert turned(spec, packing, physics=PHYSICS, cache=tmp_path).lid_height == packing.lid_height
+
 
 @pytest.mark.parametrize("gravity", ["-x", "none"])
 def test_a_bed_that_was_not_turned_stays_as_packed(gravity, tmp_path):

@@ -108,4 +108,5 @@ def _was_turned(damper: DamperSpec) -> bool:
 def _key(damper: DamperSpec, packing: Packing, physics: int, folder: Path | None) -> str:
     told = hashlib.sha256(packing_key(damper, physics, folder).encode())
     told.update(np.asarray(damper.gravity, float).tobytes() + packing.position.tobytes())
+    told.update(repr(packing.lid_height).encode())  # beds are dear, lids are not: one bed may be under several
     return told.hexdigest()
