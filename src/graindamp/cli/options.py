@@ -83,7 +83,7 @@ def show_rule(document: dict[str, Any], units: dict[str, str], source: str, as_j
     from graindamp.report.wording import plain
 
     if as_json:
-        from graindamp.report.document import plain as as_plain
+        from graindamp.report.plain import plain as as_plain
 
         print_json(as_plain(document | {"units": units, "source": source}))
         return

@@ -7,10 +7,9 @@ X and time in 1 / Omega: the container is at sin(phase), and its acceleration -s
 """
 
 from cmath import exp as cexp
+from collections.abc import Callable
 from math import acos, asin, atan2, ceil, cos, inf, isfinite, nan, pi, sin, sqrt
 from typing import NamedTuple
-
-from scipy.optimize import brentq
 
 from graindamp.errors import InputError
 
@@ -137,7 +136,7 @@ def stroke_ratio_max(restitution: float = 0.0) -> float:
         sigma = psi + acos(speed)
         return speed * sigma - sin(sigma - psi) - sin(psi)
 
-    psi = brentq(least_gap, acos(1.0 / gain), pi / 2 - atan2(2.0, pi * gain), xtol=1e-14)
+    psi = _root(least_gap, acos(1.0 / gain), pi / 2 - atan2(2.0, pi * gain))
     return float(1.0 / (gain * cos(psi) - 2.0 / pi * sin(psi)))
 
 
@@ -167,7 +166,7 @@ def peak_force_ratio() -> ForcePeak:
     With r = pi / (phi - sin phi), r eta = (1 - cos phi)^2 / (phi - sin phi) is largest where
     2 sin(phi) (phi - sin phi) = (1 - cos phi)^2.
     """
-    phi = brentq(lambda p: 2.0 * sin(p) * (p - sin(p)) - (1.0 - cos(p)) ** 2, 1.0, pi, xtol=1e-14)
+    phi = _root(lambda p: 2.0 * sin(p) * (p - sin(p)) - (1.0 - cos(p)) ** 2, 1.0, pi)
     return ForcePeak((1.0 - cos(phi)) ** 2 / (phi - sin(phi)), pi / (phi - sin(phi)))
 
 
@@ -228,7 +227,7 @@ def sliding_bed(intensity: float, friction: float) -> TheoryPoint:
         return TheoryPoint(scale * sqrt(1.0 - in_phase**2), scale * in_phase, True, "slip")
     onset = asin(drag)
     # Until pi - onset the block gains on the floor; slip ends before the floor pulls the other way at pi + onset.
-    end = brentq(lambda p: cos(onset) - drag * (p - onset) - cos(p), pi - onset, pi + onset, xtol=1e-14)
+    end = _root(lambda p: cos(onset) - drag * (p - onset) - cos(p), pi - onset, pi + onset)
     half_cycle = -_constant(drag, onset, end) + _following(end, onset + pi)
     return _point(2.0 / pi * half_cycle, "stick-slip")
 
@@ -275,7 +274,7 @@ def bouncing_bed_vertical(intensity: float) -> TheoryPoint:
 
 def _plastic(stroke_ratio: float) -> TheoryPoint:
     # phi - sin(phi) increases, and exceeds every h / X <= pi at 4.
-    phi = brentq(lambda p: p - sin(p) - pi / stroke_ratio, 0.0, 4.0, xtol=1e-14)
+    phi = _root(lambda p: p - sin(p) - pi / stroke_ratio, 0.0, 4.0)
     jump = 1.0 - cos(phi)
     in_phase = 2.0 / pi * (jump * sin(phi) + (pi - phi + sin(phi) * cos(phi)) / 2.0)
     return TheoryPoint(jump**2 / pi, in_phase, True, "plastic")
@@ -314,13 +313,20 @@ def _landing(takeoff: float, gravity: float) -> float:
     while True:
         right = left + 2.0 * pi - convex
         if height(right) <= 0.0:
-            return float(brentq(height, left, right, xtol=1e-14))
+            return _root(height, left, right)
         left, right = right, right + convex
         if slope(left) < 0.0:
-            lowest = right if slope(right) <= 0.0 else brentq(slope, left, right, xtol=1e-14)
+            lowest = right if slope(right) <= 0.0 else _root(slope, left, right)
             if height(lowest) <= 0.0:
-                return float(brentq(height, left, lowest, xtol=1e-14))
+                return _root(height, left, lowest)
         left = right
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function changes its sign, to rounding."""
+    from scipy.optimize import brentq  # takes far longer to load than a rule to evaluate
+
+    return float(brentq(function, low, high, xtol=1e-14))
 
 
 def _constant(value: float, start: float, end: float) -> complex:

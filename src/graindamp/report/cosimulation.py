@@ -11,11 +11,11 @@ import graindamp
 from graindamp.couple.cosimulate import CoRun
 from graindamp.errors import InputError
 from graindamp.report import cosimulation_figures, decay_figures
-from graindamp.report.document import plain as as_plain
 from graindamp.report.document import status_names
 from graindamp.report.figures import save
 from graindamp.report.ledger import LOSSES
 from graindamp.report.page import Section, write_page
+from graindamp.report.plain import plain as as_plain
 from graindamp.report.tables import Table
 from graindamp.report.wording import plain
 from graindamp.report.written import Files, write_columns, write_document

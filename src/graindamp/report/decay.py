@@ -12,9 +12,9 @@ import graindamp
 from graindamp.design.rules import loss_factor_from_decay
 from graindamp.errors import InputError
 from graindamp.report import decay_figures
-from graindamp.report.document import plain
 from graindamp.report.figures import save
 from graindamp.report.page import Section, write_page
+from graindamp.report.plain import plain
 from graindamp.report.tables import Table
 from graindamp.report.wording import plain as digits
 from graindamp.report.wording import with_error

@@ -1,7 +1,5 @@
 """Results as plain documents for JSON: SI units, named in the keys' neighbours, NaN as null."""
 
-import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,27 +12,11 @@ from graindamp.couple.response import Response, peaks
 from graindamp.field.measured import Measurement
 from graindamp.field.schema import COORDINATES, TABLE, damper_of, is_grid
 from graindamp.field.store import table_of
+from graindamp.report.plain import plain
 from graindamp.signals.equivalent import equivalent
 from graindamp.signals.power import OperatingPoint
 from graindamp.signals.record import Record
 from graindamp.status import Status
-
-
-def plain(value: Any) -> Any:
-    """`value` with arrays as lists, NumPy numbers as Python's, and what is not finite as None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def field_document(field: xr.Dataset) -> dict[str, Any]:

@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 import graindamp
 from graindamp.errors import InputError
 from graindamp.report import mode_figures, motion_picture, simulation_figures
-from graindamp.report.document import plain, status_names
+from graindamp.report.document import status_names
 from graindamp.report.figures import save
 from graindamp.report.ledger import Ledger, ledger_of, ledger_table
 from graindamp.report.page import Section, write_page
+from graindamp.report.plain import plain
 from graindamp.report.run_file import save_run
 from graindamp.report.signal_files import write_signals, write_uff
 from graindamp.report.tables import Table, points_table
