@@ -238,7 +238,7 @@ class Worlds(NamedTuple):
 CACHE_LINE = 64
 """Bytes that memory and processor exchange at a time."""
 
-CELLS_PER_PARTICLE = 4
+CELLS_PER_PARTICLE = 3
 """Room for linked cells; in a bed that fills fewer, cells are made larger."""
 
 LARGE_PAGE = 2 << 20
