@@ -183,6 +183,7 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     import sensitivity
     import stiff
     import table_2
+    import table_4
 
     out = tmp_path / "out"
     few = ["--out", str(out), "--count", "12", "--cycles", "8", "--softening", "1000"]
@@ -210,6 +211,10 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["stiff.py", "--out", str(out), "--names", "baseline", "--workers", "1"])
     stiff.main()
     assert "2 points, 2 computed now" in capsys.readouterr().out
+    few = ["--count", "12", "--softening", "1000", "--max-cycles", "12", "--workers", "1"]
+    monkeypatch.setattr("sys.argv", ["table_4.py", "--out", str(out), *few])
+    table_4.main()
+    assert capsys.readouterr().out.count("60 Hz Gamma") == 4
 
 
 def _few(sensitivity, spec):
