@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import graindamp.dem.compile  # noqa: F401 - before the cache is moved: only beds go elsewhere, not compiled code
+from graindamp.campaign.executors import Serial
 from graindamp.campaign.point import measure, task_of
 from graindamp.status import FATAL
 
@@ -204,6 +205,8 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["resonance.py", "--out", str(out), "--count", "8", "--softenings", "1000"])
     resonance.main()
     assert "softening  1000: eta" in capsys.readouterr().out
+    for script in (stiff, table_4):  # processes would take longer to start than the points to run
+        monkeypatch.setattr(script, "Processes", lambda n_worker: Serial())
     plan = tiny.plan.model_copy(update={"frequency": (1000.0,), "intensity": (1.0, 2.0)})
     monkeypatch.setattr(
         stiff, "stiff", lambda spec, whole: tiny.model_copy(update={"plan": plan, "softening_study": None})
