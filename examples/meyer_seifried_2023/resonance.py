@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from setups import HERE, load, small, with_contact
+from setups import HERE, load, on_grid, small, with_contact
 
 from graindamp.campaign.executors import Serial
 from graindamp.campaign.run import run_field
 from graindamp.campaign.store import Store
 from graindamp.report.figures import COLORS, save
-from graindamp.spec.field import FieldSpec, GridPlan
+from graindamp.spec.field import FieldSpec
 
 FREQUENCIES = tuple(float(f) for f in np.round(np.geomspace(60.0, 4000.0, 19), 1))
 """[Hz]"""
@@ -27,13 +27,7 @@ FREQUENCIES = tuple(float(f) for f in np.round(np.geomspace(60.0, 4000.0, 19), 1
 
 def row(spec: FieldSpec, softening: float, intensity: float, out: Path) -> xr.Dataset:
     """Values over frequency at one stiffness."""
-    asked = with_contact(spec, softening=softening).model_copy(
-        update={
-            "plan": GridPlan(frequency=FREQUENCIES, intensity=(intensity,)),
-            "stop": spec.stop.model_copy(update={"max_cycles": 15}),
-            "softening_study": None,
-        }
-    )
+    asked = on_grid(with_contact(spec, softening=softening), FREQUENCIES, (intensity,), 15)
     with Store(out / "store") as store:
         return run_field(asked, store, Serial(), project=HERE / "baseline.toml").field.isel(intensity=0)
 

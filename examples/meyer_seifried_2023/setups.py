@@ -132,9 +132,16 @@ def stiff(spec: FieldSpec, whole: bool = False) -> FieldSpec:
     assert isinstance(spec.plan, GridPlan)
     frequencies = tuple(f for f in spec.plan.frequencies if whole or f > STIFF_FROM)
     intensities = tuple(gamma for gamma in spec.plan.intensities if whole or gamma < STIFF_TO)
+    return on_grid(with_contact(spec, softening=1.0), frequencies, intensities, 25)
+
+
+def on_grid(
+    spec: FieldSpec, frequencies: tuple[float, ...], intensities: tuple[float, ...], max_cycles: int
+) -> FieldSpec:
+    """A copy with other operating points [Hz], [-], of so many cycles at most, and without a study."""
     plan = GridPlan(frequency=frequencies, intensity=intensities)
-    stop = spec.stop.model_copy(update={"max_cycles": 25})
-    return with_contact(spec, softening=1.0).model_copy(update={"plan": plan, "stop": stop, "softening_study": None})
+    stop = spec.stop.model_copy(update={"max_cycles": max_cycles})
+    return spec.model_copy(update={"plan": plan, "stop": stop, "softening_study": None})
 
 
 def with_lid_at(packing: Packing, clearance: float) -> Packing:

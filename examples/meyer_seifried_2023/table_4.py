@@ -8,12 +8,12 @@ The paper's values are not available here. Writes table-4.txt; points that are i
 import argparse
 from pathlib import Path
 
-from setups import HERE, load, small, with_contact
+from setups import HERE, load, on_grid, small, with_contact
 
 from graindamp.campaign.executors import Processes
 from graindamp.campaign.run import run_field
 from graindamp.campaign.store import Store
-from graindamp.spec.field import FieldSpec, GridPlan
+from graindamp.spec.field import FieldSpec
 
 DAMPERS = ("baseline", "coated-60hz")
 FREQUENCY = 60.0
@@ -24,10 +24,7 @@ def asked_of(name: str, softening: float, max_cycles: int, count: int) -> FieldS
     """The points of one damper."""
     spec = load(name)
     spec = spec if count >= 4500 else small(spec, count)
-    plan = GridPlan(frequency=(FREQUENCY,), intensity=INTENSITIES)
-    stop = spec.stop.model_copy(update={"max_cycles": max_cycles})
-    update = {"plan": plan, "stop": stop, "softening_study": None}
-    return with_contact(spec, softening=softening).model_copy(update=update)
+    return on_grid(with_contact(spec, softening=softening), (FREQUENCY,), INTENSITIES, max_cycles)
 
 
 def main() -> None:
