@@ -15,7 +15,7 @@ demo: $(RUN_STAMP)
 	@echo "The pictures and report.html are in $(CURDIR)/$(OUT)"
 
 test: $(DEV_STAMP)
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(DEV_STAMP)
 	$(BIN)/ruff check .

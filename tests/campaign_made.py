@@ -20,13 +20,14 @@ from graindamp.campaign.point import PointResult
 from graindamp.errors import InputError
 from graindamp.spec.field import FieldSpec
 from graindamp.spec.model import parse_spec
+from graindamp.status import Status
 
 COUNTER = "GRAINDAMP_TEST_COUNTER"
 """Folder in which every call of :func:`made` leaves a file named after its point."""
 SLEEP = "GRAINDAMP_TEST_SLEEP"
 """Seconds that every call takes."""
 FAULTS = "GRAINDAMP_TEST_FAULTS"
-"""Folder with files "<f>-<Gamma>" that say what goes wrong there: die, die once, input, value."""
+"""Folder with files "<f>-<Gamma>" that say what goes wrong there: die, die once, input, value, or a status."""
 
 DAMPER = {
     "name": "made",
@@ -79,23 +80,25 @@ def made(task, start):
     if COUNTER in os.environ:
         name = f"{task.frequency:g}-{task.intensity:g}-{task.seed}-{task.start or ''}"
         (Path(os.environ[COUNTER]) / f"{name}_{secrets.token_hex(4)}").touch()
-    _fault(task)
+    status = _fault(task)
     eta = 0.3 + 0.2 * math.sin(3 * math.log(task.frequency)) + 0.01 * task.seed + 0.001 * task.intensity
     high = task.frequency == 100 and (task.intensity == 40 or (start is not None and start.loss_factor > 0.8))
-    return result_of(task, eta + 0.6 * high)
+    return result_of(task, eta + 0.6 * high, status=int(status))
 
 
 def _fault(task):
     if FAULTS not in os.environ:
-        return
+        return Status.OK
     path = Path(os.environ[FAULTS]) / f"{task.frequency:g}-{task.intensity:g}"
     if not path.exists():
-        return
+        return Status.OK
     fault = path.read_text()
     if fault == "die once":
         path.unlink()
     if fault.startswith("die"):
         os.kill(os.getpid(), 9)
+    if fault in Status.__members__:
+        return Status[fault]
     if fault == "input":
         raise InputError("the bed does not fit")
     raise ValueError("something else")

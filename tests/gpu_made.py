@@ -15,7 +15,7 @@ from graindamp.dem.engine import run, start
 from graindamp.dem.gpu import batch, device
 from graindamp.dem.gpu.columns import STATUS
 from graindamp.dem.gpu.device import Builder, Variant
-from graindamp.dem.gpu.kernels import advance, kernels_of
+from graindamp.dem.gpu.kernels import Kernels, advance, clear, kernels_of
 from graindamp.dem.gpu.load import loaded
 from graindamp.dem.gpu.memory import Memory
 from graindamp.dem.gpu.outcome import energies_of
@@ -108,6 +108,45 @@ class Team:
             one.join()
         if failed:
             raise failed[0]
+
+
+class Alone(Team):
+    """Stands for `cuda` where blocks have one thread: they run one after the other in this thread, and wait for nobody.
+    numba's simulator starts a thread for each, and looks all the time whether it is done."""
+
+    def __init__(self):
+        super().__init__(1, 1)
+
+    def syncthreads(self):
+        pass
+
+    def syncthreads_or(self, flag):
+        return bool(flag)
+
+    def launch(self, body, *arguments):
+        for block in range(self.blocks):
+            self.own.block, self.own.thread = block, 0
+            self.made.clear()
+            body(*arguments)
+
+
+class Launched:
+    """Stands for a kernel whose blocks a :class:`Team` runs."""
+
+    def __init__(self, team, body):
+        self.team, self.body = team, body
+
+    def __getitem__(self, shape):
+        self.team.blocks = int(shape[0])
+        return lambda *arguments: self.team.launch(self.body, *arguments)
+
+
+def alone_kernels(variant):
+    """The kernels of a variant with one thread per block."""
+    alone = Alone()
+    with patch.object(device, "_SimulatedCuda", lambda: alone):
+        builder = Builder(variant)
+        return Kernels(Launched(alone, builder.plain(advance)), Launched(alone, builder.plain(clear)))
 
 
 def both(

@@ -19,8 +19,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 from setups import HERE, NAMES
 
+from graindamp.field.robustness import robustness
 from graindamp.field.store import read_field
-from graindamp.report.figures import save
+from graindamp.report.figures import log_axis, save
 from graindamp.units import STANDARD_GRAVITY
 
 Region = Callable[[xr.DataArray, xr.DataArray], xr.DataArray]
@@ -97,6 +98,16 @@ def rows(name: str, field: xr.Dataset) -> list[str]:
     return lines
 
 
+def robust(name: str, softened: xr.Dataset) -> str:
+    """How robust a damper is, by its softened field: `graindamp show --level 0.2` says the same."""
+    found = robustness(softened, 0.2)
+    return (
+        f"{name:14s} eta of 0.2 or more over {100 * found.share.value:.1f} +- {100 * found.share.error:.1f} % of the "
+        f"range; d ln eta / d ln X below X_opt: mean {found.steepness.value:.2f} +- {found.steepness.error:.2f}, "
+        f"steepest {found.steepest.value:.1f} +- {found.steepest.error:.1f}"
+    )
+
+
 def merged(softened: xr.Dataset, stiff: xr.Dataset | None) -> xr.Dataset:
     """A field with the values of a part of it that was run with stiffer contacts; `is_stiff` says where."""
     names = ("loss_factor", "loss_factor_se", "effective_mass_ratio", "effective_mass_ratio_se", "particle_steps")
@@ -109,6 +120,12 @@ def merged(softened: xr.Dataset, stiff: xr.Dataset | None) -> xr.Dataset:
     return found.where(there, field).assign(is_stiff=there)
 
 
+def borders(axis: np.ndarray) -> np.ndarray:
+    """Where the cells about places on a logarithmic axis end."""
+    between = np.sqrt(axis[1:] * axis[:-1])
+    return np.concatenate([axis[:1] ** 2 / between[:1], between, axis[-1:] ** 2 / between[-1:]])
+
+
 def maps(fields: dict[str, xr.Dataset]) -> Figure:
     """Loss factors side by side as in the paper's Figs 4, 7, 11 and 12: everything above 1 has one colour."""
     across = min(len(fields), 3)
@@ -117,13 +134,18 @@ def maps(fields: dict[str, xr.Dataset]) -> Figure:
     panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
     for axes, (name, field) in zip(panels.flat, fields.items(), strict=False):
         values = field["loss_factor"].transpose("intensity", "frequency")
-        axes.pcolormesh(field["frequency"], field["intensity"], values, vmin=0, vmax=1, shading="nearest")
+        right, up = borders(field["frequency"].values), borders(field["intensity"].values)
+        axes.pcolormesh(right, up, values, vmin=0, vmax=1)
         f = np.geomspace(40, 1000, 50)
         axes.plot(f, 1e-3 * (2 * np.pi * f) ** 2 / STANDARD_GRAVITY, "w--", lw=1)
-        stiff = field["is_stiff"].transpose("intensity", "frequency")
-        if bool(stiff.any()):
-            axes.contour(field["frequency"], field["intensity"], stiff, levels=[0.5], colors="w", linewidths=1)
+        stiff = field["is_stiff"].transpose("intensity", "frequency").values.astype(int)
+        for row, column in np.argwhere(np.diff(stiff, axis=1)):
+            axes.vlines(right[column + 1], up[row], up[row + 1], "w", lw=1)
+        for row, column in np.argwhere(np.diff(stiff, axis=0)):
+            axes.hlines(up[row + 1], right[column], right[column + 1], "w", lw=1)
         axes.set(xscale="log", yscale="log", title=name, ylim=(0.9, 44))
+        for axis in (axes.xaxis, axes.yaxis):
+            log_axis(axis)
     for axes in panels[-1]:
         axes.set_xlabel("frequency [Hz]")
     for axes in panels[:, 0]:
@@ -151,8 +173,9 @@ def main() -> None:
             subprocess.run([sys.executable, "-m", "graindamp", *words], check=True)
         if file.is_file():
             stiff = asked.out / f"{name}-stiff.nc"
-            fields[name] = merged(read_field(file), read_field(stiff) if stiff.is_file() else None)
-            lines += [cost(name, fields[name]), *rows(name, fields[name])]
+            softened = read_field(file)
+            fields[name] = merged(softened, read_field(stiff) if stiff.is_file() else None)
+            lines += [cost(name, fields[name]), robust(name, softened), *rows(name, fields[name])]
     print("\n".join(lines))
     if not fields:
         print("no fields yet; run without --no-run")

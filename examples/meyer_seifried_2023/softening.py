@@ -15,9 +15,10 @@ from setups import load, small
 
 from graindamp.campaign.executors import Serial
 from graindamp.campaign.runner import Runner
-from graindamp.campaign.softening import SofteningStudy, evaluate, study_tasks
+from graindamp.campaign.softening import evaluate, study_tasks
 from graindamp.campaign.store import Store
 from graindamp.campaign.work import measure_packed
+from graindamp.field.softening import SofteningStudy
 from graindamp.report.figures import COLORS, save
 from graindamp.spec.field import FieldSpec
 

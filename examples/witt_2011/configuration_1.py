@@ -16,11 +16,10 @@ import witt_dampers
 from decays import RATE, Curve, Ringing, curve, cycles_of, kept, peak, ring, ringing_of_events
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from graindamp.impact.decay import free_decay
 from graindamp.impact.system import on_structure
-from graindamp.report.figures import COLORS, MARKERS, save
+from graindamp.report.figures import COLORS, MARKERS, log_axis, save
 from graindamp.signals.collapse import Collapse, collapse
 
 SOFTENING = 10.0
@@ -118,16 +117,9 @@ def over_amplitude(axes: Axes, family: Family, scaled: bool) -> None:
             axes.plot(displacement / (clearance if scaled else 1e-3), damping, label=label, **look)
     axes.set(xscale="log", ylim=(0, None), ylabel=PSI_LABEL, xlabel="α = U/d [-]" if scaled else "U [mm]")
     axes.grid(alpha=0.3)
-    plain_ticks(axes)
+    log_axis(axes.xaxis)
     if scaled:
         mark_phases(axes)
-
-
-def plain_ticks(axes: Axes) -> None:
-    """Numbers instead of powers on a logarithmic x axis."""
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def mark_phases(axes: Axes) -> None:
@@ -165,7 +157,7 @@ def means(cosimulated: Mapping[float, Family], events: Mapping[float, Family]) -
                 )
         axes.set(xscale="log", ylim=(0, 20), xlabel="α = U/d [-]", xlim=(0.03, 8))
         axes.grid(alpha=0.3)
-        plain_ticks(axes)
+        log_axis(axes.xaxis)
         mark_phases(axes)
         axes.legend(fontsize=8)
     panels[0].set(ylabel=PSI_LABEL, title="co-simulated, floor and friction 0.3")

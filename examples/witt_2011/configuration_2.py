@@ -21,14 +21,13 @@ from configuration_1 import (
     curves_of,
     event_run,
     mark_phases,
-    plain_ticks,
 )
 from decays import RATE, Ringing, kept, peak, ring, ringing_of_events
 from matplotlib.figure import Figure
 
 from graindamp.impact.decay import free_decay
 from graindamp.impact.system import on_structure
-from graindamp.report.figures import COLORS, save
+from graindamp.report.figures import COLORS, log_axis, save
 
 DISPLACEMENT = 6e-3
 """Initial displacement of the tip U0 [m]."""
@@ -115,7 +114,7 @@ def drawn(cosimulated: Tests, events: Tests) -> Figure:
                 )
         axes.set(xscale="log", ylim=(0, 14), xlabel="α = U/d [-]", xlim=(0.05, 6))
         axes.grid(alpha=0.3)
-        plain_ticks(axes)
+        log_axis(axes.xaxis)
         mark_phases(axes)
     panels[0].legend(fontsize=8)
     panels[0].set_ylabel(PSI_LABEL)

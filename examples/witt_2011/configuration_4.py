@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import witt_dampers
-from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases, plain_ticks
+from configuration_1 import PSI_LABEL, collapses, curves_of, mark_phases
 from decays import RATE, Ringing, closing, cycles_of, peak, ring
 from matplotlib.figure import Figure
 
-from graindamp.report.figures import COLORS, MARKERS, save
+from graindamp.report.figures import COLORS, MARKERS, log_axis, save
 
 SOFTENING = 100.0
 """Divisor of the stiffness of all contacts [-]."""
@@ -109,7 +109,7 @@ def drawn(found: Mapping[int, Family]) -> Figure:
         axes.set(xscale="log", ylim=(0, 18), xlim=(0.04, 10), xlabel="α = U/d [-]")
         axes.set_title(title, fontsize=9)
         axes.grid(alpha=0.3)
-        plain_ticks(axes)
+        log_axis(axes.xaxis)
         mark_phases(axes)
         axes.legend(fontsize=8, markerscale=2.5)
     panels[0].set_ylabel(PSI_LABEL)

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import witt_dampers
-from configuration_1 import PSI_LABEL, plain_ticks
+from configuration_1 import PSI_LABEL
 from decays import RATE, Curve, Ringing, closing, curve, cycles_of, peak, ring
 from matplotlib.figure import Figure
 
 from graindamp.design.layers import beta, critical_intensity
 from graindamp.errors import InputError
-from graindamp.report.figures import COLORS, save
+from graindamp.report.figures import COLORS, log_axis, save
 from graindamp.signals.collapse import Collapse, collapse
 
 STEPS_PER_CONTACT = 20
@@ -132,7 +132,7 @@ def drawn(found: Mapping[float, Beds]) -> Figure:
         panels[0, column].set(xlim=(0, 9), xlabel="Γ [-]")
         panels[1, column].set(xlim=(0, 20), xlabel="β [-]")
         panels[2, column].set(xscale="log", xlim=(0.02, 25), xlabel="β [-]")
-        plain_ticks(panels[2, column])
+        log_axis(panels[2, column].xaxis)
         panels[0, column].set_title(f"l_e = {1e3 * length:.2f} mm", fontsize=9)
     for axes in panels.flat:
         axes.set_ylim(0, 4)

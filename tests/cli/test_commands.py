@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import re
 import subprocess
 import sys
 from unittest import mock
@@ -134,6 +135,38 @@ def test_show_draws_and_converts(field, tmp_path):
     assert again["points"] == as_json("show", field)["points"]
 
 
+def test_show_says_how_robust_a_field_is(field, tmp_path):
+    code, out, _ = run("show", field, "--level", "0.3", cwd=tmp_path)
+    assert code == 0
+    assert "share of the range with η ≥ 0.3 [%]" in out
+    found = as_json("show", field, "--level", "0.3")["robustness"]
+    assert found["level"] == 0.3
+    assert 0.0 < found["share"]["value"] < 1.0
+    assert found["share"]["standard_error"] > 0.0
+    assert found["steepest"]["value"] is None  # without a clearance
+    code, _, err = run("show", field, "--level", "0", cwd=tmp_path)
+    assert code == 2
+    assert "a loss factor above 0 is needed" in err
+
+
+def test_second_answers_are_shown(field, tmp_path):
+    from graindamp.field.store import read_field, write_field
+    from graindamp.status import Status
+
+    twofold = read_field(field)
+    for name in ("loss_factor", "effective_mass_ratio"):
+        values = np.full(twofold["loss_factor"].shape, np.nan)
+        values[0, 0] = 0.777
+        twofold[f"{name}_other"] = (twofold["loss_factor"].dims, values)
+    twofold["status"][0, 0] |= int(Status.BISTABLE)
+    write_field(twofold, tmp_path / "twofold.nc")
+    code, out, _ = run("show", tmp_path / "twofold.nc", cwd=tmp_path)
+    assert code == 0
+    assert "other η [-]" in out
+    assert out.count("0.777") == 2
+    assert "other η [-]" not in run("show", field, cwd=tmp_path)[1]
+
+
 def test_prediction_and_its_files(field, tmp_path):
     project = tmp_path / "beam.toml"
     project.write_text(PROJECT.format(field=field) + '[response]\nband = ["20 Hz", "250 Hz"]\nn_frequency = 50\n')
@@ -153,6 +186,73 @@ def test_prediction_and_its_files(field, tmp_path):
         assert 0.005 < state["damping_ratio"] < 0.1
         assert state["damping_ratio_se"] > 0
         assert mode["fixed_point"]["converged"]
+
+
+def test_a_study_without_equilibria_is_a_report_nevertheless(field, tmp_path):
+    """So small a force that the damper works below its field."""
+    project = tmp_path / "beam.toml"
+    project.write_text('force_study = ["0.1 mN", "0.2 mN"]\n' + PROJECT.format(field=field))
+    code, _, err = run("predict", project, cwd=tmp_path)
+    assert code == 0, err
+    folder = tmp_path / "beam-report"
+    assert (folder / "study-force.png").exists()
+    assert (folder / "report.html").exists()
+    project.write_text(re.sub("force = .*", "force = []", PROJECT.format(field=field)))
+    assert "force is an empty list; at least one force is needed" in error("predict", project, cwd=tmp_path)
+
+
+def test_files_count_once(signals, tmp_path):
+    assert "is given twice; each record counts once" in error("analyze", signals, signals, cwd=tmp_path)
+
+
+def test_a_field_is_not_written_over_itself(field, tmp_path):
+    assert "is the field itself" in error("show", field, "--convert", field, cwd=tmp_path)
+
+
+def test_predictions_from_a_softened_field_say_so(field, tmp_path):
+    from graindamp.field.store import read_field, write_field
+
+    softened = read_field(field)
+    softened.attrs["softening"] = 100.0
+    write_field(softened, tmp_path / "soft.nc")
+    project = tmp_path / "beam.toml"
+    project.write_text(PROJECT.format(field=tmp_path / "soft.nc"))
+    code, _, err = run("predict", project, cwd=tmp_path)
+    assert code == 0, err
+    assert "contacts softened by 100, and the error of that is not known" in err
+    assert "contacts softened by 100" in (tmp_path / "beam-report" / "report.html").read_text(encoding="utf-8")
+    (damper,) = as_json("predict", project)["dampers"]
+    assert damper["softening"]["softening"] == 100
+
+
+def test_softened_fields_of_several_dampers_are_told_apart(field, tmp_path):
+    from graindamp.field.store import read_field, write_field
+
+    softened = read_field(field)
+    softened.attrs["softening"] = 100.0
+    for name in ("a", "b"):
+        write_field(softened, tmp_path / f"{name}.nc")
+    text = PROJECT.format(field=tmp_path / "a.nc").replace("[[dampers]]", '[[dampers]]\nname = "left"')
+    for name, file in (("middle", "a"), ("right", "b")):
+        more = f'[[dampers]]\nname = "{name}"\npoint = "0.9 m"\nfield = "{tmp_path / file}.nc"\n[drive]'
+        text = text.replace("[drive]", more)
+    (tmp_path / "three.toml").write_text(text)
+    _, _, err = run("predict", tmp_path / "three.toml", "--json")
+    told = [line for line in err.splitlines() if "softened by 100" in line]
+    assert [line.split(": contacts")[0] for line in told] == [
+        "warning: field of left, middle",
+        "warning: field of right",
+    ]
+
+
+def test_a_badly_edited_head_names_its_file(field, tmp_path):
+    code, _, _ = run("show", field, "--convert", tmp_path / "head.csv", cwd=tmp_path)
+    assert code == 0
+    path = tmp_path / "head.csv"
+    path.write_text("# softening = hard\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    code, _, err = run("show", path, cwd=tmp_path)
+    assert code == 2
+    assert f"{path}: softening is 'hard', a number from 1 on is needed" in err
 
 
 @pytest.mark.slow
@@ -188,6 +288,7 @@ def test_demo(tmp_path, monkeypatch):
             ('radius = "15 mm"', 'radius = "9 mm"'),
             ("max_points = 44", "max_points = 18"),
             ("tolerance = 0.04", "tolerance = 0.2"),
+            ('points = [["50 Hz", 5], ["150 Hz", 5], ["600 Hz", 0.7]]', 'points = [["600 Hz", 0.7]]'),
         ):
             assert name != "demo-damper.toml" or given in text
             text = text.replace(given, other)
@@ -197,7 +298,10 @@ def test_demo(tmp_path, monkeypatch):
     monkeypatch.setattr(demo, "_copied", smaller)
     _, _, document = demo.run_demo(tmp_path, lambda text: None)
     assert len(document["modes"]) == 12
-    assert document["simulation"]["points"] == document["simulation"]["computed"] == 18
+    simulation = document["simulation"]
+    assert simulation["points"] == 18
+    assert simulation["computed"] == 18 + 1  # a corner of the plan with stiffer contacts, for the study
+    assert any("contacts softened by 100: " in warning for warning in document["warnings"])
     assert (tmp_path / "motion.gif").read_bytes()[:6] == b"GIF89a"
     page = (tmp_path / "report.html").read_text()
     assert "data:image/gif;base64," in page
@@ -211,6 +315,23 @@ def test_a_process_says_the_same():
     wrong = ("rules", "bouncing", "--stroke-ratio", "two")
     assert run_process(*wrong) == run(*wrong)
     assert run(*wrong)[0] == 2
+
+
+def test_rules_refuse_what_has_no_answer(tmp_path):
+    for words, told in (
+        (("bouncing", "--intensity", 1, "--clearance", 0, "--frequency", 10), "--clearance: given '0'; a value"),
+        (("bouncing", "--intensity", 1, "--clearance", 1, "--frequency", 0), "--frequency: given '0'; a value"),
+        (("bouncing-vertical", "--intensity", 1e8), "at most 10000"),
+    ):
+        code, _, err = run("rules", *words, cwd=tmp_path)
+        assert code == 2
+        assert told in err
+
+
+def test_a_picture_of_no_kind_is_refused(field, tmp_path):
+    code, _, err = run("show", field, "--figure", tmp_path / "map.xyz", cwd=tmp_path)
+    assert code == 2
+    assert "map.xyz: not a kind of picture; allowed are .png" in err
 
 
 def test_rules_as_documented():

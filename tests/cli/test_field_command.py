@@ -20,7 +20,13 @@ def no_engine(monkeypatch):
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
+def unpictured(monkeypatch):
+    """The map alone is drawn."""
+    monkeypatch.setattr("graindamp.report.field_pictures.write_pictures", lambda field, stem, points=None: ())
+
+
+@pytest.fixture
+def undrawn(unpictured, monkeypatch):
     monkeypatch.setattr(FieldProgress, "draw", lambda self, state: None)
 
 
@@ -51,6 +57,8 @@ def test_a_project_becomes_a_field_that_other_commands_take(tmp_path):
     page = (tmp_path / "x.html").read_text()
     assert "finished" in page
     assert "refresh" not in page
+    assert f"losses   {tmp_path / 'x.losses.png'}" in out
+    assert 'src="x.losses.png"' in page
     shown = json.loads(done("show", tmp_path / "x.nc", "--json"))
     assert shown["damper"]["clearance"] == 3e-3
     assert not [path for path in tmp_path.rglob("*") if ".part" in path.name]
@@ -64,6 +72,33 @@ def test_the_second_time_nothing_is_computed_and_json_is_one_document(undrawn, t
     assert first["field"] == str(tmp_path / "made.nc")
     assert first["usable"] == first["places"] == 12
     assert first["particle_steps"] == 50 * 4 * (2000 + 1000 + 500)
+
+
+@pytest.mark.slow
+def test_what_softening_does_is_told_wherever_a_field_is_shown(unpictured, tmp_path):
+    more = "\n[softening_study]\npoints = [[50, 1], [100, 20]]\nfactors = [1, 10, 100]\n"
+    path = project(tmp_path)
+    text = path.read_text(encoding="utf-8").replace("[damper.contact]", "[damper.contact]\nsoftening = 100")
+    assert "softening" in text
+    path.write_text(text, encoding="utf-8")
+    alone = call("field", path, "--executor", "serial")
+    assert "the error of that is not known" in alone.stderr
+    path.write_text(text + more, encoding="utf-8")
+    result = call("field", path, "--executor", "serial")
+    assert result.exit_code == 0, result.output
+    assert "What softening 100 does to the field" in result.stdout
+    assert "contacts softened by 100: " in result.stderr
+    page = (tmp_path / "made.html").read_text(encoding="utf-8")
+    assert "What softening 100 does to the field" in page
+    assert "contacts softened by 100: " in page
+    shown = call("show", tmp_path / "made.nc", "--figure", tmp_path / "made.png")
+    assert "What softening 100 does to the field" in shown.stdout
+    assert "contacts softened by 100: " in shown.stderr
+    document = json.loads(done("show", tmp_path / "made.nc", "--json"))["softening"]
+    assert document["softening"] == 100
+    assert [point["line_fits"] for point in document["study"]["points"]] == [True, True]
+    again = json.loads(done("field", path, "--executor", "serial", "--json"))["softening"]
+    assert again == document
 
 
 def test_failed_points_are_listed_and_queued_again(undrawn, tmp_path, monkeypatch):
@@ -87,6 +122,70 @@ def test_failed_points_are_listed_and_queued_again(undrawn, tmp_path, monkeypatc
     told = json.loads(done("campaign", "status", store, "--json"))
     assert told["points"] == {"queued": 0, "running": 0, "done": 12, "failed": 0}
     assert told["fields"][0]["done"] == 12
+
+
+def test_runs_that_give_no_value_are_told(undrawn, tmp_path, monkeypatch):
+    """They are done, and would end so again: nothing to retry. Remarks on points with a value are counted."""
+    faults = tmp_path / "faults"
+    faults.mkdir()
+    monkeypatch.setenv(FAULTS, str(faults))
+    (faults / "100-5").write_text("PARTICLE_LOST")
+    (faults / "50-1").write_text("NOT_CONVERGED")
+    path = project(tmp_path)
+    result = call("field", path, "--executor", "serial")
+    assert result.exit_code == 0
+    assert "no value: 100 Hz, 5, bed 0: PARTICLE_LOST: a particle left its container" in result.stderr
+    assert "1 of 12 points NOT_CONVERGED: the standard error is above" in result.stderr
+    assert "retry" not in result.stderr
+    told = json.loads(done("field", path, "--executor", "serial", "--json"))
+    assert told["status"] == {"PARTICLE_LOST": 1, "NOT_CONVERGED": 1}
+    assert len(told["lost"]) == 1
+    assert told["failed"] == []
+    for f in (50, 100, 200):
+        for gamma in (1, 5, 20, 40):
+            (faults / f"{f}-{gamma}").write_text("PARTICLE_LOST")
+    message = error("field", path, "--executor", "serial", "--store", tmp_path / "another")
+    assert "not one point has a usable value" in message
+    assert "100 Hz, 20, bed 0: PARTICLE_LOST" in message
+
+
+def test_points_of_another_field_are_left_aside(undrawn, tmp_path):
+    pytest.importorskip("sklearn")
+    plan = {"kind": "adaptive", "frequency_range": [50, 200], "intensity_range": [1, 40], "max_points": 8}
+    path = project(tmp_path, plan | {"start_frequencies": 2, "start_intensities": 2})
+    result = call("field", path, "-o", tmp_path / "x.nc", "--executor", "serial")
+    assert "the plan ended before its accuracy was reached" in result.stderr
+    points = tmp_path / "x.points.nc"
+    kept = points.read_bytes()
+    assert call("show", tmp_path / "x.nc", "--figure", tmp_path / "x.png").stderr == ""
+    project(tmp_path)
+    done("field", path, "-o", tmp_path / "x.nc", "--executor", "serial")
+    assert not points.exists()
+    points.write_bytes(kept)
+    result = call("show", tmp_path / "x.nc", "--figure", tmp_path / "x.png")
+    assert f"{points}: not what x.nc was made from" in result.stderr
+
+
+def test_projects_of_one_name_are_told_apart(undrawn, tmp_path):
+    paths = []
+    for name, frequency in (("a", [50, 100]), ("b", [200, 400])):
+        (tmp_path / name).mkdir()
+        paths.append(project(tmp_path / name, GRID | {"frequency": frequency}))
+        done("field", paths[-1], "-o", tmp_path / f"{name}.nc", "--executor", "serial", "--store", tmp_path / "s")
+    assert f"of which the store holds 2; give one of {paths[0]}" in error(
+        "campaign", "export", tmp_path / "s", "-o", tmp_path / "x.nc", "--name", "made"
+    )
+    for path, frequency in zip(paths, (50, 200), strict=True):
+        done("campaign", "export", tmp_path / "s", "-o", tmp_path / "x.nc", "--name", path)
+        assert read_field(tmp_path / "x.nc")["frequency"][0] == frequency
+
+
+def test_refused_commands_leave_nothing_behind(tmp_path):
+    path = project(tmp_path)
+    (tmp_path / "file").write_text("")
+    for words in (["--executor", "many"], ["--resume"], ["-o", tmp_path / "file" / "x.nc"]):
+        error("field", path, "--executor", "serial", *words)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["file", "made.toml"]
 
 
 def test_a_part_of_a_field_is_exported(undrawn, tmp_path):
@@ -160,6 +259,7 @@ def test_ctrl_c_ends_with_its_code_and_says_how_to_go_on(undrawn, tmp_path, monk
             "goes with --executor dask",
         ),
         (("field", "{here}/made.toml", "--slurm", "colour=red"), "name one of queue"),
+        (("field", "{here}/made.toml", "--slurm", "queue=short"), "--slurm goes with --executor slurm"),
         (("field", "{here}/none.toml"), "cannot be opened"),
     ],
 )

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from graindamp.cli.main import app
 from graindamp.errors import InputError
 from graindamp.report.run_file import load_run, save_packing, save_run
+from graindamp.report.simulation import examine
 from graindamp.status import Status
 from runs_made import made_run
 
@@ -297,3 +298,15 @@ def test_a_real_run(tmp_path):
     again = load_run(tmp_path / "damper-run" / "run.h5")
     assert len(again.mass) == 20
     assert len(again.snapshots) > 40
+
+
+def test_a_bed_that_still_settles_is_told():
+    """Nine tenths of what was dissipated came out of the bed itself."""
+    run = made_run()
+    assert not any("still settles" in line for line in examine(run).warnings)
+    whole = run.energy[-1].lost
+    settling = tuple(
+        one._replace(work=0.1 * one.lost, potential=one.potential + 0.9 * (whole - one.lost)) for one in run.energy
+    )
+    (told,) = [line for line in examine(run._replace(energy=settling)).warnings if "still settles" in line]
+    assert "90 % of what was dissipated was stored in it before" in told

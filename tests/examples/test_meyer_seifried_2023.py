@@ -185,6 +185,7 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     import stiff
     import table_2
     import table_4
+    import velocity
 
     out = tmp_path / "out"
     few = ["--out", str(out), "--count", "12", "--cycles", "8", "--softening", "1000"]
@@ -218,6 +219,15 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["table_4.py", "--out", str(out), *few])
     table_4.main()
     assert capsys.readouterr().out.count("60 Hz Gamma") == 4
+    monkeypatch.setitem(velocity.FIGURES, "modes", (velocity.View("baseline", 1000.0, 4.0, "decoupled"),))
+    few = ["--count", "30", "--softening", "1000", "--cycles", "8", "--figures", "modes"]
+    monkeypatch.setattr("sys.argv", ["velocity.py", "--out", str(out), *few])
+    velocity.main()
+    (kept,) = (out / "runs").iterdir()
+    monkeypatch.setattr(velocity, "simulate", None)  # the second time the run is read
+    velocity.main()
+    assert (out / "velocity-modes.png").is_file()
+    assert kept.name == "baseline-1000-4-s1000-c8-n30.h5"
 
 
 def _few(sensitivity, spec):

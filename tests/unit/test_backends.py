@@ -108,3 +108,19 @@ def test_executors_for_gpus():
     for kind in ("processes", "slurm"):
         with pytest.raises(InputError, match=f"'{kind}' knows no GPUs"):
             executor_of(kind, on_device=True)
+
+
+@pytest.mark.slow
+def test_jobs_that_slurm_refuses_are_told_at_once(tmp_path, monkeypatch):
+    pytest.importorskip("dask_jobqueue", reason="the extra `slurm` (dask-jobqueue) is not installed")
+    from graindamp.campaign.slurm import slurm
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match="there is no sbatch here"):
+        slurm(2, {"queue": "short"})
+    command = tmp_path / "sbatch"
+    command.write_text("#!/bin/sh\necho 'invalid partition specified: short' >&2\nexit 1\n")
+    command.chmod(0o755)
+    with pytest.raises(InputError, match=r"the jobs cannot be made .*invalid partition specified: short"):
+        slurm(2, {"queue": "short", "interface": "lo"})

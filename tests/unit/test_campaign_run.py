@@ -16,10 +16,10 @@ from graindamp.campaign.outlook import Outlook
 from graindamp.campaign.point import task_of
 from graindamp.campaign.run import field_in_store, run_field
 from graindamp.campaign.slurm import read_options
-from graindamp.campaign.softening import SofteningStudy
 from graindamp.campaign.store import Store
 from graindamp.errors import InputError
 from graindamp.field.schema import check
+from graindamp.field.softening import SofteningStudy
 from graindamp.status import FATAL, Status
 
 LINE = {"kind": "list", "points": [[100, 5]]}
@@ -75,6 +75,27 @@ def test_status_bits_add_up_and_a_usable_bed_outweighs_a_failed_one():
     field = field_of_answers(*(Answer(bed) for bed in beds))
     assert field["status"].item() == Status.NOT_STEADY | Status.FEW_STEPS
     assert field["loss_factor"].item() == 0.4
+
+
+def test_beds_that_start_on_different_branches_are_kept_apart():
+    """Two of three beds are low from rest; the third is high and has no second answer. Neither value is a mixture."""
+    low, high = ((0.10, 0.12), (0.50, 0.54, 0.52))
+    field = field_of(
+        field_spec({"kind": "grid", "frequency": [100, 200], "intensity": [5, 10]}, seeds=3, hysteresis="all"),
+        {
+            (100.0, 5.0): [
+                Answer(result_of(TASK, low[0], 0.1), result_of(TASK, high[0], 0.9)),
+                Answer(result_of(TASK, high[1], 0.9), result_of(TASK, low[1], 0.1)),
+                Answer(result_of(TASK, low[1], 0.1)),
+            ]
+        },
+    ).sel(frequency=100, intensity=5)
+    assert field["loss_factor"].item() == pytest.approx(np.mean([low[0], low[1], low[1]]), rel=1e-14)
+    assert field["loss_factor_other"].item() == pytest.approx(np.mean(high[:2]), rel=1e-14)
+    assert field["loss_factor_other_se"].item() == pytest.approx(0.02, rel=1e-12)  # half of their difference
+    assert field["effective_mass_ratio"].item() == pytest.approx(0.1, rel=1e-14)
+    assert field["n_cycles"].item() == 60
+    assert field["status"].item() == Status.BISTABLE
 
 
 def test_points_without_result_keep_their_place(tmp_path):
@@ -150,6 +171,26 @@ class Bisection(AdaptiveSource):
 
 
 ADAPTIVE = {"kind": "adaptive", "frequency_range": [50, 200], "intensity_range": [1, 40], "max_points": 20}
+
+
+def test_an_adaptive_plan_goes_on_where_runs_give_no_value(tmp_path):
+    """Half of the coarse start is lost, so that a surrogate cannot be made yet; no point is chosen twice."""
+    pytest.importorskip("sklearn")
+    seen = []
+
+    def partly(task, start):
+        seen.append((task.frequency, task.intensity))
+        lost = task.intensity > 10
+        return result_of(task, math.nan if lost else 0.4, status=int(Status.PARTICLE_LOST) if lost else 0)
+
+    plan = ADAPTIVE | {"start_frequencies": 2, "start_intensities": 2, "max_points": 16}
+    with Store(tmp_path / "s") as opened:
+        found = run_field(field_spec(plan), opened, Serial(), how=partly)
+    assert len(seen) == len(set(seen)) <= 16
+    assert found.lost
+    assert np.isfinite(found.points["loss_factor"]).sum() >= 6
+    assert found.verdict is not None
+    assert found.field.sizes == {"frequency": 28, "intensity": 15}
 
 
 def test_adaptive_points_do_not_depend_on_stops(tmp_path, counter):
@@ -267,6 +308,27 @@ def test_a_softening_study_is_kept_with_the_field(tmp_path):
     again = run(tmp_path, spec)
     assert again.n_computed == 0
     assert again.field.attrs == found.field.attrs
+
+
+def lost_where_stiffer(task, start):
+    """A run that ends without a value at one point of a study."""
+    result = made(task, start)
+    if task.simulation.damper.contact.softening == 10 and task.frequency == 100:
+        return result._replace(loss_factor=math.nan, effective_mass_ratio=math.nan, status=int(Status.PARTICLE_LOST))
+    return result
+
+
+def test_points_of_a_study_that_are_lost_do_not_cost_the_field(tmp_path):
+    study = {"points": [[50, 1], [100, 20]], "factors": [1, 10]}
+    spec = field_spec(softening_study=study)
+    with Store(tmp_path / "s") as opened:
+        found = run_field(spec, opened, Serial(), how=lost_where_stiffer)
+    kept = SofteningStudy.load(found.field.attrs["softening_study"])
+    assert [one.frequency for one in kept.points] == [50]
+    assert any("1 of 2 points left out" in text for text in found.warnings)
+    alone = field_spec(softening_study=study | {"points": [[100, 20]]})
+    with Store(tmp_path / "s") as opened:
+        assert "softening_study" not in run_field(alone, opened, Serial(), how=lost_where_stiffer).field.attrs
 
 
 @pytest.mark.parametrize(

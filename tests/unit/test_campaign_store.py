@@ -286,3 +286,23 @@ def test_a_locked_index_says_so(tmp_path, monkeypatch):
         opened.add([TASK])
     base.close()
     opened.close()
+
+
+@pytest.mark.parametrize("after", [1, 2, 3, 4, 5])
+def test_two_campaigns_may_make_an_index_at_the_same_time(tmp_path, monkeypatch, after):
+    """The other one makes it whole between two statements of this one."""
+    real, said = sqlite3.connect, []
+
+    class Interrupted(sqlite3.Connection):
+        def execute(self, statement, *more):
+            if len(said) == after:
+                monkeypatch.setattr(index.sqlite3, "connect", real)
+                index.Index(tmp_path / "index.sqlite").close()
+            said.append(statement)
+            return super().execute(statement, *more)
+
+    monkeypatch.setattr(index.sqlite3, "connect", lambda *words, **more: real(*words, factory=Interrupted, **more))
+    mine = index.Index(tmp_path / "index.sqlite")
+    assert len(said) > after
+    assert mine.entries() == []
+    mine.close()

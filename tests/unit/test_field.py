@@ -10,9 +10,10 @@ from fields_made import constant_field, random_field
 from graindamp.errors import InputError
 from graindamp.field.ideal import ideal_field
 from graindamp.field.interpolate import Interpolant
-from graindamp.field.schema import TABLE, check, make_field
+from graindamp.field.schema import TABLE, check, damper_of, make_field
 from graindamp.field.store import read_field, write_field
 from graindamp.field.theory import collect_and_collide
+from graindamp.report.figures import field_map
 from graindamp.status import Status
 from graindamp.units import STANDARD_GRAVITY
 
@@ -93,7 +94,10 @@ def test_csv_typed_by_hand(tmp_path):
         ("f,eta\n1,2\n", ["intensity", "m' [-]"]),
         ("# bed_mass = 3 g\nf,G,eta,m\n1,2,x,4\n", ["line 3", "'x'", "number"]),
         ("# bed_mass = 3 g\nf,G,eta,m\n1,2,3\n", ["line 3", "3 cells"]),
+        ("# bed_mass = 3 g\nf,G,eta,m\n100,50,0,42,0,9\n", ["line 3", "6 cells", "semicolons"]),
+        ("# bed_mass = 3 g\nf,acceleration,eta,m\n1,2,3,4\n", ["'acceleration' has no unit", "m/s^2"]),
         ("f,G,eta,m\n1,2,3,4\n", ["bed_mass", "350 g"]),
+        ("# bed_mass = 3 g\n# clearance = -1 mm\nf,G,eta,m\n1,2,3,4\n", ["clearance", "'-1 mm'", "above 0"]),
         ("# bed_mass = heavy\nf,G,eta,m\n1,2,3,4\n", ["bed_mass", "'heavy'"]),
         ("# bed_mass = 3 g\nf,G,eta,m\n-1,2,3,4\n", ["frequency", "-1"]),
         ("# bed_mass = 3 g\nf,G,eta,m\n1,2,3,4\n1,2,3,5\n", ["1 Hz, 2", "2 times"]),
@@ -110,6 +114,31 @@ def test_csv_mistakes_are_named(text, words, tmp_path):
         read_field(path)
     for word in [str(path), *words]:
         assert word in str(caught.value)
+
+
+def test_a_typed_damper_that_gives_energy_is_marked(tmp_path):
+    path = tmp_path / "map.csv"
+    path.write_text("# bed_mass = 3 g\nf,G,eta,m\n100,1,-0.4,1\n100,2,0.4,1\n200,1,,1\n200,2,0.4,1\n")
+    status = read_field(path)["status"].to_numpy()
+    assert status.tolist() == [[Status.NOT_PASSIVE, Status.OK], [Status.NO_SOLUTION, Status.OK]]
+
+
+def test_points_are_drawn_where_nothing_lies_between():
+    """One of four corners has no value: the others are not hidden, and the figure is laid out."""
+    eta = np.array([[0.4, 0.5], [0.6, np.nan]])
+    figure = field_map(make_field([100.0, 200.0], [5.0, 10.0], eta, eta, 0.3, source="made"))
+    figure.draw_without_rendering()
+    assert len(figure.axes[0].collections[0].get_offsets()) == 3
+    shown = [text.get_text() for text in figure.axes[0].get_xticklabels() if text.get_text()]
+    assert {"100", "150", "200"} <= set(shown)
+
+
+def test_names_of_dampers_survive_a_csv(tmp_path):
+    f, gamma, eta = [50.0, 100.0], [1.0, 10.0], np.full((2, 2), 0.4)
+    for name, expected in (("two\nlines, = x", "two lines, = x"), ("1e3", "1e3")):
+        field = make_field(f, gamma, eta, eta, 0.3, source="made", damper={"name": name, "clearance": 1e-3})
+        write_field(field, tmp_path / "x.csv")
+        assert damper_of(read_field(tmp_path / "x.csv")) == {"name": expected, "clearance": 1e-3, "bed_mass": 0.3}
 
 
 def test_files_that_are_no_fields(tmp_path):

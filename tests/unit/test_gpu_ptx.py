@@ -65,21 +65,15 @@ def test_forces_in_mixed_precision_are_single_where_they_are_meant_to_be():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("precision", "features"), [("mixed", "plain"), ("double", "features")])
-def test_the_kernel_compiles(precision, features):
+def test_the_kernels_compile(precision, features):
     """As fields run it, in mixed precision without springs and teams; and in double precision with all of them, where
     nothing is single. No atomic sums: their order would show. The stopping rule is called, not woven in, where it would
     take registers from the steps."""
-    found = compiled("advance", precision, features)
-    assert found["entries"] == found["target"] == 1
+    found = compiled(precision, features)
+    assert found["entries"] == found["clear_entries"] == found["target"] == 1
     assert found["apart"] >= 1
     assert found["barriers"] > 10
     assert found["float_atomics"] == 0
     assert found["own"] > 100
     if precision == "double":
         assert {key: count for key, count in found["other"].items() if count > LIBRARY.get(key, 0)} == {}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("precision", ["mixed", "double"])
-def test_the_kernel_that_clears_a_slot_compiles(precision):
-    assert compiled("clear", precision, "plain")["entries"] == 1

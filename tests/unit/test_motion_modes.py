@@ -10,6 +10,7 @@ from graindamp.campaign.point import NO_CRITERIA as NO_POINT_CRITERIA
 from graindamp.errors import InputError
 from graindamp.field.schema import make_field
 from graindamp.report import mode_figures
+from graindamp.report.field_pictures import write_pictures
 from graindamp.report.figures import save
 from graindamp.report.simulation import examine, mode_table, simulation_document
 from graindamp.report.simulation_figures import stirring
@@ -255,6 +256,28 @@ def test_a_map_names_the_modes_that_are_there(tmp_path):
     assert save(figure, tmp_path / "map.png").stat().st_size > 10_000
     with pytest.raises(InputError, match="no motion_mode"):
         mode_figures.mode_map(_field())
+
+
+def test_pictures_are_those_that_a_field_knows(tmp_path):
+    modes, share = np.arange(20).reshape(5, 4) % 4 - 1, np.full((5, 4), 0.5)
+    whole = _field(motion_mode=modes, loss_share_normal=share, loss_share_friction=share)
+    written = write_pictures(whole, tmp_path / "whole")
+    assert [one.name for one in written] == ["modes", "losses"]
+    assert [one.path.name for one in written] == ["whole.modes.png", "whole.losses.png"]
+    assert all(one.path.read_bytes().startswith(b"\x89PNG") for one in written)
+    assert write_pictures(_field(), tmp_path / "typed") == ()
+    still = _field(loss_share_normal=0.0 * share)
+    assert write_pictures(still, tmp_path / "still") == ()
+    gaps = _field(loss_share_normal=share, loss_share_friction=np.full((5, 4), np.nan))
+    assert write_pictures(gaps, tmp_path / "gaps") == ()
+    column = np.full((5, 4), np.nan)
+    column[2] = 0.5
+    assert write_pictures(_field(loss_share_normal=column), tmp_path / "column") == ()
+    f, some = np.array([10.0, 100.0, 1000.0]), np.full(3, 0.3)
+    modes = {"motion_mode": np.zeros(3)}
+    diagonal = make_field(f, f / 10.0, some, some, 0.03, source="made", scattered=True, variables=modes)
+    assert write_pictures(diagonal, tmp_path / "diagonal") == ()
+    assert write_pictures(whole.isel(intensity=[0]), tmp_path / "line") == ()
 
 
 def test_shares_of_what_is_dissipated(tmp_path):

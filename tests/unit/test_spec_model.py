@@ -3,8 +3,10 @@
 import pytest
 from pydantic import BaseModel
 
+from campaign_made import DAMPER, GRID
 from graindamp.errors import InputError
 from graindamp.spec import measurement, project, structure
+from graindamp.spec.field import FieldSpec
 from graindamp.spec.measurement import MeasurementSpec
 from graindamp.spec.model import Spec, helps_of, load_spec, parse_spec
 from graindamp.spec.project import ProjectSpec
@@ -79,6 +81,18 @@ def test_several_mistakes_are_told_at_once():
     with pytest.raises(InputError) as caught:
         parse_spec({"files": ["a"], "bed_mass": "-1 g", "clearance": "x"}, MeasurementSpec, "d.toml")
     assert str(caught.value).count("d.toml: ") == 2
+
+
+def test_a_wrong_entry_of_a_list_is_all_that_is_told():
+    """Not that no other form fits, nor that without it too few are left."""
+    for change, told in (
+        ({"damper": DAMPER | {"particles": [{"material": "steel-s235", "radius": "-2 mm"}]}}, "particles[1].radius"),
+        ({"plan": GRID | {"frequency": ["-120 Hz", "60 Hz"]}}, "frequency[1]"),
+    ):
+        with pytest.raises(InputError) as caught:
+            parse_spec({"title": "made", "damper": DAMPER, "plan": GRID} | change, FieldSpec, "test")
+        (line,) = str(caught.value).splitlines()
+        assert told in line
 
 
 def test_intensity_may_be_typed_as_acceleration():

@@ -136,11 +136,11 @@ def test_silo_carries_weight_on_its_walls():
     K is known within 0.4 to 1.1 for beds of spheres on their way down: from Rankine's active state, (1 - s)/(1 + s)
     with s the sine of their angle of friction, to equal stresses, and D may be the room of the centres or that of the
     surfaces. Friction on the walls is not mobilised everywhere, by up to an eighth of the weight it carries. Beds of
-    the same height differ: K of twelve of them scattered by 0.08 about 0.48, so that a mean of three has a standard
-    error of 0.046, and twice that is allowed for.
+    the same height differ: K of twelve of them scattered by 0.08 about 0.48, so that a mean of two has a standard
+    error of 0.057, and twice that is allowed for.
     """
-    friction, n_bed, error, ratio = 0.4, 3, 0.046, []
-    for count in (160, 320, 640):
+    friction, n_bed, error, ratio = 0.4, 2, 0.057, []
+    for count in (160, 480):
         height = count * 4 / 3 * pi * RADIUS**3 / (0.58 * pi / 4 * SILO**2)
         found = []
         for seed in range(1, n_bed + 1):
@@ -151,4 +151,4 @@ def test_silo_carries_weight_on_its_walls():
         ratio.append(np.mean(found))
     assert min(ratio) > 0.35 - 2 * error
     assert max(ratio) < 1.1 + 2 * error
-    assert max(ratio) < 1.5 * min(ratio)  # one K for all depths, as the law has it; more than three errors of a ratio
+    assert max(ratio) < 1.5 * min(ratio)  # one K for all depths, as the law has it; three errors of a ratio

@@ -7,8 +7,9 @@ import pytest
 
 from dem_made import damper_of, made
 from graindamp.dem.engine import run
-from graindamp.dem.excitation import motion_of
+from graindamp.dem.excitation import motion_of, read_series
 from graindamp.dem.motion import move
+from graindamp.errors import InputError
 from graindamp.spec.model import parse_spec
 from graindamp.spec.simulation import SimulationSpec
 
@@ -255,3 +256,18 @@ def test_random_motion_repeats_after_its_duration():
     once = moved(motion, time)
     for k in (1, 2):
         np.testing.assert_allclose(moved(motion, time + k), once, atol=1e-9 * abs(once).max())
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "told"),
+    [
+        ("time,a\n0,1\n1,2\n", "kg", "unit: given 'kg'"),
+        ("", None, "it has no numbers"),
+        ("time,a\n", None, "it has no numbers"),
+    ],
+)
+def test_a_series_that_cannot_be_read_is_told(tmp_path, text, unit, told):
+    path = tmp_path / "series.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=told):
+        read_series(path, "time", None, unit, "m/s^2")

@@ -1,12 +1,14 @@
 """The GPU back end in numba's simulator, which runs kernels as Python: the same numbers as the processor's engine."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
 pytest.importorskip("numba_cuda", reason="the extra `gpu` (numba-cuda) is not installed")
 
 from dem_made import FLOOR, STEEL, channel, damper_of, harmonic, loose
-from gpu_made import Team, bed_of, both, packing_of, quick_turns, spec_of
+from gpu_made import Launched, Team, alone_kernels, bed_of, both, packing_of, quick_turns, spec_of
 from graindamp.dem.gpu import batch, device, load, memory
 from graindamp.dem.gpu.batch import Task, simulate_batch
 from graindamp.dem.gpu.device import Builder, Variant
@@ -187,7 +189,9 @@ def tasks():
 def run_all(given, **options):
     """All runs, by number of the task."""
     options = {"precision": "double", "variant": Variant(threads=4), "chunk": 150, **options}
-    with quick_turns():
+    is_alone = options["variant"].threads == 1 and "team" not in options
+    kernels = alone_kernels if is_alone else batch.kernels_of
+    with quick_turns(), patch.object(batch, "kernels_of", kernels):
         return dict(simulate_batch(given, **options))
 
 
@@ -377,16 +381,6 @@ def test_the_device_ends_a_run_that_is_known_well_enough(stopped, monkeypatch):
         np.testing.assert_array_equal(a, b)
 
 
-class SideBySide:
-    """Stands for a kernel whose blocks run at the same time."""
-
-    def __init__(self, team, body):
-        self.team, self.body = team, body
-
-    def __getitem__(self, shape):
-        return lambda *arguments: self.team.launch(self.body, *arguments)
-
-
 @pytest.mark.slow
 def test_a_team_ends_with_the_cycle_that_is_enough(stopped, monkeypatch):
     """All blocks leave the world after the same step, though one alone has judged it."""
@@ -395,7 +389,7 @@ def test_a_team_ends_with_the_cycle_that_is_enough(stopped, monkeypatch):
         team, clear = Team(2, 2), kernels_of(variant).clear
         with monkeypatch.context() as patch:
             patch.setattr(device, "_SimulatedCuda", lambda: team)
-            return Kernels(SideBySide(team, Builder(variant).plain(advance)), clear)
+            return Kernels(Launched(team, Builder(variant).plain(advance)), clear)
 
     monkeypatch.setattr(batch, "kernels_of", kernels)
     run = run_all([bouncing()], stopping=stopping, slots=1, team=2, chunk=390, variant=Variant(threads=2))[0]
@@ -452,7 +446,7 @@ def test_tasks_that_come_later_get_slots_of_their_own(most, monkeypatch):
     """The second world comes after the first launch; where memory for two is refused it takes the place of the first.
     Bit for bit what one batch gives."""
     given = [Task(spec_of(count, cycles=1), packing_of(count)) for count in (3, 2)]
-    together = run_all(given, slots=2)
+    together = run_all(given, slots=2, variant=Variant(threads=1))
     empty, slots = memory._empty, []
 
     def little(shape, kind):
@@ -462,7 +456,7 @@ def test_tasks_that_come_later_get_slots_of_their_own(most, monkeypatch):
         return empty(shape, kind)
 
     monkeypatch.setattr(memory, "_empty", little)
-    one_by_one = run_all(hesitant(given), slots=2, chunk=70)
+    one_by_one = run_all(hesitant(given), slots=2, chunk=70, variant=Variant(threads=1))
     assert max(slots) == 2
     assert sorted(one_by_one) == [0, 1]
     for number, run in one_by_one.items():

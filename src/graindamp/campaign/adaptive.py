@@ -17,6 +17,7 @@ import numpy as np
 from graindamp.campaign.descriptions import BATCH, StoredField, save_field
 from graindamp.campaign.point import PointResult, PointTask, task_of
 from graindamp.campaign.runner import Runner
+from graindamp.errors import InputError
 from graindamp.spec.container import RigidLid
 from graindamp.spec.field import AdaptivePlan, FieldSpec
 
@@ -37,7 +38,7 @@ class AdaptiveSource(Protocol):
 
         Args:
             results: of every bed at the points that are done and usable.
-            running: points under way.
+            running: points under way, and those that gave no value; none of them is wanted again.
             n_point: number of points wanted.
         """
 
@@ -73,7 +74,9 @@ def run_adaptive(field: StoredField, runner: Runner, source: AdaptiveSource | No
         room = plan.max_points - len(points) - len(busy)
         late = plan.max_seconds is not None and time.monotonic() - begun > plan.max_seconds
         results = [(place, found) for place in points if (found := _results(field, runner, place))]
-        new = [] if room <= 0 or late or not results else source.next(results, busy, min(field.batch, room))
+        valued = {place for place, _ in results}
+        aside = (*busy, *(place for place in points if place not in valued))
+        new = [] if room <= 0 or late or not results else source.next(results, aside, min(field.batch, room))
         if not new and not busy:
             return field
         is_settled = not new  # nothing is wanted yet: ask again when what is under way is known
@@ -139,7 +142,10 @@ class SurrogateSource:
 
         plan, floor = self._plan, self._spec.stop.floor
         points = field_of(self._spec, {place: [Answer(one) for one in found] for place, found in results})
-        surrogate = Surrogate(points, self._clearance)
+        try:
+            surrogate = Surrogate(points, self._clearance)
+        except InputError:  # too few, or all in one line
+            return self._spread([place for place, _ in results], running, n_point)
         ranges = plan.frequency_range, plan.intensity_range
         if is_accurate(surrogate, *ranges, accuracy=plan.accuracy, floor=floor).is_accurate:
             return []
@@ -151,3 +157,21 @@ class SurrogateSource:
             left = plan.max_cost * float(np.sum(cost(*grid))) - float(np.sum(paid)) - float(np.sum(under_way))
         choices = next_points(surrogate, grid, n_point, plan.accuracy, floor, busy=running, cost=cost, budget=left)
         return [(choice.frequency, choice.intensity) for choice in choices]
+
+    def _spread(self, known: Sequence[Place], running: Sequence[Place], n_point: int) -> Sequence[Place]:
+        """Candidates far from all points so far, as many as a surrogate lacks."""
+        from graindamp.field.adaptive import candidates
+        from graindamp.field.surrogate import MIN_POINTS
+
+        plan = self._plan
+        grid = np.column_stack(candidates(plan.frequency_range, plan.intensity_range))
+        taken, chosen = [*known, *running], []
+        for _ in range(min(n_point, max(1, MIN_POINTS - len(known)))):
+            apart = np.log(grid[:, None] / np.array(taken)) / np.log(grid.max(axis=0) / grid.min(axis=0))
+            distance = np.linalg.norm(apart, axis=-1).min(axis=1)
+            if distance.max() <= 0.0:
+                break
+            f, gamma = grid[int(np.argmax(distance))]
+            chosen.append((float(f), float(gamma)))
+            taken.append(chosen[-1])
+        return chosen

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from graindamp.campaign.backends import CPU, is_device, precision_of
+from graindamp.campaign.hysteresis import distance
 from graindamp.campaign.point import LOSSES, PHYSICS, PointResult
 from graindamp.errors import InputError
 from graindamp.field.schema import TABLE, make_field
@@ -55,7 +56,7 @@ def field_of(spec: FieldSpec, answers: Mapping[Place, Sequence[Answer]], backend
     shape = (len(grid.frequencies), len(grid.intensities)) if grid else (len(places),)
     values = {name: np.array([row[name] for row in columns]).reshape(shape) for name in columns[0]}
     if spec.hysteresis == "none":
-        del values["loss_factor_other"], values["effective_mass_ratio_other"]
+        values = {name: value for name, value in values.items() if "_other" not in name}
     if np.all(values["motion_mode"] == UNKNOWN_MODE):
         del values["motion_mode"]
     first = [answer.rest for place in places for answer in answers.get(place, ()) if answer.rest is not None]
@@ -86,22 +87,48 @@ def field_of(spec: FieldSpec, answers: Mapping[Place, Sequence[Answer]], backend
 def _row(answers: Sequence[Answer]) -> dict[str, Any]:
     """Values of one operating point."""
     good = [answer.rest for answer in answers if answer.rest is not None and not answer.rest.failed]
-    others = [answer.other for answer in answers if answer.other is not None]
+    first, second = _branches(answers)
     row: dict[str, Any] = {
         "particle_steps": sum(
             answer.particle_steps + (answer.rest.particle_steps if answer.rest else 0.0) for answer in answers
         ),
-        "loss_factor_other": _mean([one.loss_factor for one in others]),
-        "effective_mass_ratio_other": _mean([one.effective_mass_ratio for one in others]),
-        "n_cycles": sum(one.n_cycles for one in good),
+        "n_cycles": sum(one.n_cycles for one in first),
         "solid_fraction": _mean([one.solid_fraction for one in good]),
-        "motion_mode": _mode(good),
-        "status": _status(answers, good, bool(others)),
-    } | _shares(good)
+        "motion_mode": _mode(first),
+        "status": _status(answers, good, bool(second)),
+    } | _shares(first)
     for name in ("loss_factor", "effective_mass_ratio"):
-        row[name] = _mean([getattr(one, name) for one in good])
-        row[f"{name}_se"] = _error([getattr(one, name) for one in good], [getattr(one, f"{name}_se") for one in good])
+        for branch, end in ((first, ""), (second, "_other")):
+            values, errors = ([getattr(one, name + more) for one in branch] for more in ("", "_se"))
+            row[name + end] = _mean(values)
+            row[f"{name}{end}_se"] = _error(values, errors)
     return row
+
+
+def _branches(answers: Sequence[Answer]) -> tuple[list[PointResult], list[PointResult]]:
+    """Answers of all beds, by the branch that they are on; without second answers all are on the first.
+
+    Beds may come to either branch from rest. So each answer goes to the nearer of the two answers that lie furthest
+    apart in one bed, and the branch that more beds come to from rest is the first.
+    """
+    rest = [answer.rest for answer in answers if answer.rest is not None and not answer.rest.failed]
+    pairs = [
+        (answer.rest, answer.other)
+        for answer in answers
+        if answer.rest is not None and not answer.rest.failed and answer.other is not None
+    ]
+    if not pairs:
+        return rest, []
+    here, there = max(pairs, key=lambda pair: distance(*pair))
+
+    def is_here(one: PointResult) -> bool:
+        return distance(one, here) <= distance(one, there)
+
+    from_rest = sum(is_here(one) for one in rest)
+    whole = [*rest, *(other for _, other in pairs)]
+    branches = [one for one in whole if is_here(one)], [one for one in whole if not is_here(one)]
+    first = 0 if 2 * from_rest > len(rest) or (2 * from_rest == len(rest) and is_here(rest[0])) else 1
+    return branches[first], branches[1 - first]
 
 
 def _shares(good: Sequence[PointResult]) -> dict[str, float]:

@@ -292,13 +292,17 @@ def _need_dask() -> None:
         raise InputError("Dask is not installed; pip install 'graindamp[cluster]', or take the executor 'processes'")
 
 
+ANY_PORT = "127.0.0.1:0"
+"""Where a scheduler shows how it is; with a fixed port the second campaign of a machine would be told that it is taken."""
+
+
 def _local(n_worker: int) -> Dask:
     dask, distributed = imported("dask"), imported("distributed")
     # A death is counted here, not by Dask; and no memory is watched, as a point needs a few megabytes.
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}), _interrupts_off():
         cluster = distributed.LocalCluster(
-            n_workers=n_worker, threads_per_worker=1, processes=True, memory_limit=None, dashboard_address=None,
-            silence_logs=logging.CRITICAL,
+            n_workers=n_worker, threads_per_worker=1, processes=True, memory_limit=None,
+            dashboard_address=ANY_PORT, silence_logs=logging.CRITICAL,
         )  # fmt: skip
         client = distributed.Client(cluster)
     return Dask(client, f"{n_worker} local workers", n_worker, cluster)

@@ -86,9 +86,10 @@ class Index:
 
     def _prepare(self) -> None:
         with self._told():
+            # Tables first: where there are any, whoever made them has made the marks too.
+            (tables,) = self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()
             (version,) = self._base.execute("PRAGMA user_version").fetchone()
             (mark,) = self._base.execute("PRAGMA application_id").fetchone()
-            (tables,) = self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()
             if tables and mark != APPLICATION:
                 raise InputError(f"{self.path}: is a database of another program, not the index of a store")
             if tables and version != VERSION:

@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from graindamp.campaign.locks import HAS_LOCKS, lock
+from graindamp.locks import HAS_LOCKS, lock
 
 _NEW = 60.0
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,12 +23,13 @@ from graindamp.errors import InputError
 from graindamp.field.schema import GRID as GRID_DIMENSIONS
 from graindamp.field.schema import damper_of, places_of
 from graindamp.spec.field import AdaptivePlan, FieldSpec, GridPlan, logarithmic
+from graindamp.status import FATAL, describe
+
+if TYPE_CHECKING:
+    from graindamp.field.adaptive import Verdict
 
 GRID = (28, 15)
 """Frequencies and intensities that the field of an adaptive plan is given at [-]."""
-
-FEWEST_POINTS = 6
-"""Points from which a surrogate is made [-]."""
 
 
 class FieldRun(NamedTuple):
@@ -47,6 +48,10 @@ class FieldRun(NamedTuple):
     """Points that failed, with their reasons."""
     warnings: tuple[str, ...]
     """What was found damaged and dealt with."""
+    lost: tuple[str, ...] = ()
+    """Runs that ended without a usable value, with their reasons. The same run would end so again."""
+    verdict: "Verdict | None" = None
+    """Of an adaptive plan: how accurate its field is predicted to be."""
 
 
 def run_field(
@@ -134,7 +139,9 @@ def field_in_store(field: StoredField, store: Store) -> FieldRun:
         if key in entries and entries[key].state == "failed"
     ]
     points = field_of(field.spec, answers, field.backend)
-    run = FieldRun(_predicted(field.spec, points), points, len(tasks), 0, tuple(failures), tuple(store.warnings))
+    predicted, verdict = _predicted(field.spec, points)
+    warnings = tuple(store.warnings)
+    run = FieldRun(predicted, points, len(tasks), 0, tuple(failures), warnings, _lost(answers), verdict)
     return run if field.spec.softening_study is None else _with_study(run, field, fetch)
 
 
@@ -147,39 +154,53 @@ def _outcome(field: StoredField, runner: Runner) -> FieldRun:
     answers = _answers(field, runner.run, runner)
     failures = reasons(runner.failures)
     if not any(answer.rest is not None and not answer.rest.failed for row in answers.values() for answer in row):
-        why = "\n".join(failures[:10])
+        why = "\n".join([*failures, *_lost(answers)][:10])
         raise InputError(f"{field.spec.title}: not one point has a usable value\n{why}")
     points = field_of(field.spec, answers, field.backend)
     warnings = tuple(runner.store.warnings)
-    return FieldRun(
-        _predicted(field.spec, points), points, runner.n_point, runner.n_computed, tuple(failures), warnings
+    predicted, verdict = _predicted(field.spec, points)
+    counts = runner.n_point, runner.n_computed
+    return FieldRun(predicted, points, *counts, tuple(failures), warnings, _lost(answers), verdict)
+
+
+def _lost(answers: Mapping[Place, Sequence[Answer]]) -> tuple[str, ...]:
+    """Runs from rest that ended without a usable value."""
+    return tuple(
+        f"{f:g} Hz, {gamma:g}, bed {seed}: {'; '.join(describe(answer.rest.status & FATAL))}"
+        for (f, gamma), row in answers.items()
+        for seed, answer in enumerate(row)
+        if answer.rest is not None and answer.rest.failed
     )
 
 
-def _predicted(spec: FieldSpec, points: xr.Dataset) -> xr.Dataset:
-    """Of an adaptive plan what the surrogate makes of its points on a grid, motion modes as at the nearest point; the
-    points themselves where they are too few or span no area, or of another plan."""
+def _predicted(spec: FieldSpec, points: xr.Dataset) -> tuple[xr.Dataset, "Verdict | None"]:
+    """Of an adaptive plan what the surrogate makes of its points on a grid, motion modes as at the nearest point, and
+    how accurate that is; the points themselves where they are too few or span no area, or of another plan."""
     plan = spec.plan
-    if not isinstance(plan, AdaptivePlan) or points.sizes["point"] < FEWEST_POINTS:
-        return points
+    if not isinstance(plan, AdaptivePlan):
+        return points, None
+    from graindamp.field.adaptive import is_accurate
     from graindamp.field.surrogate import Surrogate
 
     f = logarithmic(*plan.frequency_range, GRID[0])
     gamma = logarithmic(*plan.intensity_range, GRID[1])
     try:
-        predicted = Surrogate(points, damper_of(points).get("clearance")).field(f, gamma, outside="mark")
-    except InputError:  # all in one line
-        return points
+        surrogate = Surrogate(points, damper_of(points).get("clearance"))
+        predicted = surrogate.field(f, gamma, outside="mark")
+    except InputError:  # too few, or all in one line
+        return points, None
+    ranges = plan.frequency_range, plan.intensity_range
+    verdict = is_accurate(surrogate, *ranges, accuracy=plan.accuracy, floor=spec.stop.floor)
     at = np.log(np.stack(places_of(predicted), axis=-1))
     known = np.log(np.stack(places_of(points), axis=-1))
     nearest = np.argmin(np.sum((at[:, :, None] - known) ** 2, axis=-1), axis=-1)
-    for name in ("motion_mode", "solid_fraction"):
+    for name in ("motion_mode", "solid_fraction", *(name for name in points if str(name).startswith("loss_share_"))):
         if name in points:
             predicted[name] = (GRID_DIMENSIONS, points[name].to_numpy()[nearest], points[name].attrs)
     kept = ("damper", "spec", "graindamp_version", "physics", "seeds", "softening", "backend", "precision")
     predicted.attrs |= {name: points.attrs[name] for name in kept}
     predicted.attrs["particle_steps"] = float(points["particle_steps"].sum())
-    return predicted
+    return predicted, verdict
 
 
 def _studied(run: FieldRun, field: StoredField, runner: Runner, watch: Watch | None) -> FieldRun:
@@ -206,9 +227,16 @@ def _with_study(run: FieldRun, field: StoredField, fetch: Fetch) -> FieldRun:
     if missing:
         text = f"softening study: {missing} of {len(tasks)} runs are missing; it is left out of the field"
         return run._replace(warnings=(*run.warnings, text))
-    study = evaluate(field.spec, lambda task: results[task.key], field.where, field.backend).dump()
-    for dataset in (run.field, run.points):
-        dataset.attrs["softening_study"] = study
+    study = evaluate(field.spec, lambda task: results[task.key], field.where, field.backend)
+    assert field.spec.softening_study is not None
+    asked = len(field.spec.softening_study.points)
+    if len(study.points) < asked:
+        lost = f"{asked - len(study.points)} of {asked} points"
+        text = f"softening study: {lost} left out, which have no values at two softenings"
+        run = run._replace(warnings=(*run.warnings, text))
+    if study.points:
+        for dataset in (run.field, run.points):
+            dataset.attrs["softening_study"] = study.dump()
     return run
 
 

@@ -6,114 +6,22 @@ the values at several softenings s are fitted by a straight line in s^0.4 or s^0
 described stiffness.
 """
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from graindamp.campaign.backends import CPU
 from graindamp.campaign.point import PointResult, PointTask, task_of
+from graindamp.field.softening import Extrapolation, SofteningStudy, StudiedPoint, sigma_of
 from graindamp.spec.field import FieldSpec
 
 Real = NDArray[np.float64]
 
 POWER = {"hertz-gonthier": 0.4, "hertz-viscoelastic": 0.4, "linear": 0.5}
 """Power of the softening that the time in contact grows with, by normal law [-]."""
-
-
-class Extrapolation(NamedTuple):
-    """A value over softening, and what the line through it says; same unit as the value."""
-
-    value: Real
-    """At each softening; (factor,)."""
-    standard_error: Real
-    """Of each; (factor,)."""
-    described: float
-    """At softening 1, by the line."""
-    described_se: float
-    """Its standard error, widened where the points scatter more about the line than their errors."""
-    chosen: float
-    """At the chosen softening, by the line."""
-    error: float
-    """Of the chosen softening, chosen - described."""
-    error_se: float
-    """Its standard error, widened likewise."""
-    scatter: float
-    """Root mean square of residual over standard error, 1 where the line fits; NaN with two softenings."""
-
-
-class StudiedPoint(NamedTuple):
-    """One operating point of a study."""
-
-    frequency: float
-    """[Hz]"""
-    intensity: float
-    """Gamma [-]."""
-    loss_factor: Extrapolation
-    effective_mass_ratio: Extrapolation
-
-
-class SofteningStudy(NamedTuple):
-    """What the chosen softening does to a field."""
-
-    chosen: float
-    """Softening of the field [-]."""
-    factors: Real
-    """Softenings compared [-]; (factor,)."""
-    power: float
-    """Power of the softening that values are linear in [-]."""
-    points: tuple[StudiedPoint, ...]
-    floor: float
-    """Size of eta below which errors are held to that of this value [-]."""
-
-    @property
-    def relative_errors(self) -> Real:
-        """Larger of the errors of eta and m' over the larger of |eta| and the floor, at each point [-]; (point,)."""
-        return np.array([
-            max(abs(one.loss_factor.error), abs(one.effective_mass_ratio.error))
-            / max(abs(one.loss_factor.described), self.floor)
-            for one in self.points
-        ])  # fmt: skip
-
-    def dump(self) -> str:
-        """The study as JSON, for the attributes of a field."""
-        return json.dumps(
-            {
-                "chosen": self.chosen,
-                "factors": self.factors.tolist(),
-                "power": self.power,
-                "floor": self.floor,
-                "points": [
-                    {
-                        "frequency": one.frequency,
-                        "intensity": one.intensity,
-                        "loss_factor": _plain(one.loss_factor),
-                        "effective_mass_ratio": _plain(one.effective_mass_ratio),
-                    }
-                    for one in self.points
-                ],
-            },
-            sort_keys=True,
-        )
-
-    @classmethod
-    def load(cls, text: str) -> "SofteningStudy":
-        """The study that :meth:`dump` wrote."""
-        told = json.loads(text)
-
-        def fit(values: dict[str, Any]) -> Extrapolation:
-            read: dict[str, Any] = {name: np.array(value, float)[()] for name, value in values.items()}
-            return Extrapolation(**read)
-
-        points = tuple(
-            StudiedPoint(one["frequency"], one["intensity"], fit(one["loss_factor"]), fit(one["effective_mass_ratio"]))
-            for one in told["points"]
-        )
-        return cls(told["chosen"], np.array(told["factors"], float), told["power"], points, told["floor"])
 
 
 def softened(spec: FieldSpec, factor: float) -> FieldSpec:
@@ -144,16 +52,13 @@ def study_tasks(spec: FieldSpec, folder: Path | None = None, backend: str = CPU)
 def evaluate(
     spec: FieldSpec, result_of: Callable[[PointTask], PointResult], folder: Path | None = None, backend: str = CPU
 ) -> SofteningStudy:
-    """The study, from the results of its tasks.
+    """The study, from the results of its tasks; points with values at fewer than two softenings are left out.
 
     Args:
         spec: as :func:`study_tasks` got it.
         result_of: gives the result of a task.
         folder: likewise.
         backend: likewise.
-
-    Raises:
-        ValueError: fewer than two softenings of a point gave a value.
     """
     assert spec.softening_study is not None
     factors = np.array(spec.softening_study.factors)
@@ -163,8 +68,9 @@ def evaluate(
         results = [result_of(task) for task in tasks]
         groups = [results[k : k + spec.seeds] for k in range(0, len(results), spec.seeds)]
         columns = [_mean_of_seeds(groups, name) for name in ("loss_factor", "effective_mass_ratio")]
-        fits = [extrapolate(factors, value, error, chosen, power) for value, error in columns]
-        points.append(StudiedPoint(f, gamma, *fits))
+        if min(np.isfinite(value).sum() for value, _ in columns) >= 2:
+            fits = [extrapolate(factors, value, error, chosen, power) for value, error in columns]
+            points.append(StudiedPoint(f, gamma, *fits))
     return SofteningStudy(chosen, factors, power, tuple(points), spec.stop.floor)
 
 
@@ -184,9 +90,7 @@ def extrapolate(factors: Real, value: Real, standard_error: Real, chosen: float,
     good = np.isfinite(value)
     if good.sum() < 2:
         raise ValueError(f"a line needs values at two softenings, given {good.sum()}")
-    # An error of 0, where every cycle repeats the last, would leave the line no freedom at all.
-    least = 1e-3 * max(float(np.max(np.abs(value[good]))), 1e-9)
-    sigma = np.maximum(np.where(np.isfinite(standard_error), standard_error, 0.0), least)[good]
+    sigma = sigma_of(value, standard_error)[good]
     x = factors[good] ** power - 1.0
     design = np.column_stack([np.ones(len(x)), x]) / sigma[:, None]
     covariance = np.linalg.inv(design.T @ design)
@@ -218,14 +122,3 @@ def _mean_of_seeds(groups: Sequence[Sequence[PointResult]], name: str) -> tuple[
         inner = np.sqrt(np.nansum(error**2, axis=1)) / n
         outer = np.sqrt(np.nansum((value - mean[:, None]) ** 2, axis=1) / np.maximum(n - 1, 1) / n)
     return mean, np.where(n > 1, np.maximum(inner, outer), inner)
-
-
-def _plain(fit: Extrapolation) -> dict[str, Any]:
-    """Fields of a fit as JSON knows them; None for what is no number."""
-
-    def number(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
-    arrays = {name: [number(v) for v in getattr(fit, name).tolist()] for name in ("value", "standard_error")}
-    others = {name: number(getattr(fit, name)) for name in Extrapolation._fields if name not in arrays}
-    return arrays | others

@@ -3,7 +3,7 @@
     STORE/index.sqlite        what is queued, running, done, failed
     STORE/points/ab/<key>.h5  one result each, under the hash of all that determines it
     STORE/fields/<name>.json  descriptions of the fields that were asked for
-    STORE/owners/             one locked file per running campaign
+    STORE/owners/             one locked file per running campaign, and one for opening the index
 
 The point files are the truth about what is done. The index may be lost, and any number of campaigns on one computer
 may work on the same store.
@@ -22,6 +22,7 @@ from graindamp.campaign.owner import Owner, is_dead, sweep
 from graindamp.campaign.point import PointResult, PointTask
 from graindamp.campaign.point_file import DamagedPoint, read_point, write_point
 from graindamp.errors import InputError
+from graindamp.locks import alone
 
 LEASE = 120.0
 """Seconds without a sign of life after which the points of a campaign may be taken over."""
@@ -55,7 +56,8 @@ class Store:
         self._owner: Owner | None = None
         self._stop = threading.Event()
         self._find(create)
-        self._index = self._open_index()
+        with alone(folder / "owners" / "opening"):  # SQLite does not wait where two make one file a WAL database
+            self._index = self._open_index()
         try:
             self._reconcile()
         except BaseException:
@@ -158,12 +160,14 @@ class Store:
             self._index.release(self._owner.name)
 
     def _find(self, create: bool) -> None:
-        known = (self.folder / "index.sqlite").exists() or (self.folder / "points").is_dir()
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"{self.folder}: is a file; a store is a folder")
-        if not known and not create:
+        has_content = self.folder.is_dir() and any(self.folder.iterdir())
+        # After the look at the content: another campaign may be making the store, and "points" is what it makes first.
+        is_store = (self.folder / "points").is_dir() or (self.folder / "index.sqlite").exists()
+        if not is_store and not create:
             raise InputError(f"{self.folder}: is no store; give the folder that 'graindamp field' has made")
-        if not known and self.folder.is_dir() and any(self.folder.iterdir()):
+        if not is_store and has_content:
             raise InputError(f"{self.folder}: is a folder with other files; give an empty or new one for the store")
         try:
             for part in ("points", "fields", "owners"):

@@ -1,14 +1,12 @@
 """What a worker does: one operating point, its bed packed once per machine."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from importlib.metadata import version
-from pathlib import Path
 from typing import NamedTuple
 
 from graindamp.campaign.backends import is_device
-from graindamp.campaign.locks import lock
 from graindamp.campaign.point import PHYSICS, PointResult, PointTask, measure
+from graindamp.locks import alone
 
 Measure = Callable[[PointTask, PointResult | None], PointResult]
 """How a point is measured; importable on the workers."""
@@ -34,7 +32,7 @@ def work(task: str, start: PointResult | None, how: Measure) -> PointResult:
 
 def measure_packed(task: PointTask, start: PointResult | None) -> PointResult:
     """Simulate a point by its back end; of the workers on a machine that need the same bed, one packs and the others
-    wait for it.
+    wait for it; without locks it is packed twice, no more.
 
     Raises:
         InputError: as :func:`graindamp.campaign.point.measure`.
@@ -47,7 +45,7 @@ def measure_packed(task: PointTask, start: PointResult | None) -> PointResult:
 
     folder = task.where
     key = packing_key(task.simulation.damper, PACKING, folder)[:32]
-    with _alone(default_folder() / f"{key}.lock"):
+    with alone(default_folder() / f"{key}.lock"):
         packing = pack(task.simulation.damper, folder=folder)
         if task.start is None:
             turned(task.simulation.damper, packing, physics=PACKING, folder=folder)
@@ -61,18 +59,3 @@ def measure_packed(task: PointTask, start: PointResult | None) -> PointResult:
 def tool() -> Tool:
     """What this process computes with."""
     return Tool(version("graindamp"), PHYSICS)
-
-
-@contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """No other process of the machine is in here with the same file; without locks beds are packed twice, no more."""
-    file = None
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.open("w")
-        lock(file, wait=True)
-    try:
-        yield
-    finally:
-        if file is not None:
-            file.close()

@@ -1,10 +1,10 @@
-"""Commands about fields by simulation: run them, and look after the store of their results."""
+"""The command that simulates fields."""
 
 import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,20 +21,8 @@ if TYPE_CHECKING:
     from graindamp.campaign.store import Store
     from graindamp.spec.field import FieldSpec
 
-SHOWN = 10
-"""Failed points that are listed; the others are counted."""
-
 ALONE = ("local", "serial")
 """Executors that compute in this process, whose GPU is then the one that counts."""
-
-campaign = typer.Typer(
-    name="campaign",
-    help="Stores of simulated points: what is done, what failed, fields so far.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-
-StoreArgument = Annotated[Path, typer.Argument(help="Folder of the store.", metavar="STORE")]
 
 
 def field(
@@ -71,6 +59,7 @@ def field(
     Points that the store holds are never computed again: after a stop or crash give the same command.
     """
     from graindamp.campaign.backends import chosen, is_device
+    from graindamp.campaign.executors import KINDS
     from graindamp.campaign.slurm import read_options
     from graindamp.campaign.store import Store
     from graindamp.spec.field import FieldSpec
@@ -79,12 +68,20 @@ def field(
     specs = [load_spec(project, FieldSpec) for project in projects]
     outputs = _outputs(projects, output)
     kind = executor or ("dask" if scheduler else "local")
+    if kind not in KINDS:
+        raise InputError(f"--executor: given '{kind}'; allowed are {', '.join(KINDS)}")
     if scheduler and kind != "dask":
         raise InputError(f"--scheduler goes with --executor dask, not {kind}")
     options = read_options(slurm or [])
+    if options and kind != "slurm":
+        raise InputError(f"--slurm goes with --executor slurm, not {kind}")
     place = _store_place(projects, output, store)
     if not place.exists():  # a back end that is refused leaves no empty store behind
         chosen(backend, precision, None, alone=kind in ALONE)
+        if resume:
+            raise InputError(f"--resume: {place} holds no campaign of {projects[0]}; leave --resume out to begin one")
+    for target in outputs:
+        _check_folder(target)
     tell_of_compiling(as_json or backend == "cuda")
     with Store(place) as opened:
         fields = [
@@ -126,7 +123,12 @@ def _run_one(store: "Store", crew: "Executor", field: "StoredField", target: Pat
     """Run one field, write it, and say so."""
     from graindamp.campaign.adaptive import batch_for
     from graindamp.campaign.run import run_field
+    from graindamp.field.softening import remarks_on, study_of
+    from graindamp.report.console import show
+    from graindamp.report.field_pictures import write_pictures
     from graindamp.report.field_progress import FieldProgress
+    from graindamp.report.field_run import run_document, warnings_of, write_run
+    from graindamp.report.tables import softening_table
 
     with FieldProgress(target, field.spec.title, quiet=as_json) as progress:
         run = run_field(
@@ -138,101 +140,36 @@ def _run_one(store: "Store", crew: "Executor", field: "StoredField", target: Pat
             batch=field.batch or batch_for(field.spec, crew.n_worker),
             backend=field.backend,
         )
-    points = _write_run(run, target)
-    warn(run.warnings)
-    warn(_failures(run.failures, store.folder))
+        points = write_run(run, target)
+        study = study_of(run.points)
+        tables = () if study is None else (softening_table(study),)
+        known = None if points is None else run.points
+        pictures = write_pictures(run.field, target.with_suffix(""), known)
+        progress.conclude(remarks_on(run.points), tables, pictures)
+    warn(warnings_of(run, store.folder))
     if not as_json:
+        for table in tables:
+            show(table)
         print(f"field    {target} ({run.n_point} runs, {run.n_computed} of them computed now, {_computed_by(run)})")
         if points is not None:
             print(f"points   {points}")
-        print(f"map      {progress.picture}\npage     {progress.page}\nstore    {store.folder}")
+        print(f"map      {progress.picture}")
+        for one in pictures:
+            print(f"{one.name:<8} {one.path}")
+        print(f"page     {progress.page}\nstore    {store.folder}")
     more = {"points": None if points is None else str(points), "map": str(progress.picture), "page": str(progress.page)}
-    return _document(run, target, store) | more
-
-
-@campaign.command()
-def status(store: StoreArgument, as_json: AsJson = False) -> None:
-    """What a store holds: points queued, running, done and failed, with reasons."""
-    from collections import Counter
-
-    from graindamp.campaign.descriptions import fields_of
-    from graindamp.campaign.store import Store
-
-    with Store(store, create=False) as opened:
-        entries = opened.entries()
-        fields = fields_of(opened)
-        warnings = list(opened.warnings)
-    count = Counter(entry.state for entry in entries.values())
-    failed = [entry for entry in entries.values() if entry.state == "failed"]
-    rows = [_field_row(one, entries) for one in fields]
-    warn(warnings)
-    if as_json:
-        states = {state: count[state] for state in ("queued", "running", "done", "failed")}
-        reasons = [{"key": entry.key, "reason": entry.reason, "tries": entry.tries} for entry in failed]
-        print_json({"store": str(store), "points": states, "fields": rows, "failed": reasons, "warnings": warnings})
-        return
-    print(", ".join(f"{count[state]} {state}" for state in ("done", "running", "queued", "failed")))
-    for row in rows:
-        print(f"{row['name']}: {row['done']} of {row['points']} points from rest done ({row['project']})")
-    for entry in failed[:SHOWN]:
-        print(f"failed   {entry.key[:12]}: {entry.reason} (tries: {entry.tries})")
-    if len(failed) > SHOWN:
-        print(f"         and {len(failed) - SHOWN} more; --json lists all")
-    if failed:
-        print(f"'graindamp campaign retry {store}' queues the failed points again")
-
-
-@campaign.command()
-def retry(store: StoreArgument, as_json: AsJson = False) -> None:
-    """Queue the failed points of a store again; the next 'graindamp field' runs them."""
-    from graindamp.campaign.store import Store
-
-    with Store(store, create=False) as opened:
-        keys = opened.retry()
-    if as_json:
-        print_json({"store": str(store), "queued": keys})
-        return
-    print(f"{len(keys)} failed points queued again" if keys else "no point has failed")
-
-
-@campaign.command()
-def export(
-    store: StoreArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Field file to write, .nc or .csv.")],
-    name: Annotated[str | None, typer.Option(help="Name of the field, where the store holds several.")] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Write the field that a store holds so far; points that are not done have no value."""
-    from graindamp.campaign.descriptions import fields_of
-    from graindamp.campaign.run import field_in_store
-    from graindamp.campaign.store import Store
-
-    _check_suffix(output)
-    with Store(store, create=False) as opened:
-        run = field_in_store(_choose(fields_of(opened), name, store), opened)
-        document = _document(run, output, opened)
-    document |= {"points": str(points) if (points := _write_run(run, output)) else None}
-    warn(run.warnings)
-    warn(_failures(run.failures, store))
-    if as_json:
-        print_json(document)
-        return
-    print(f"field    {output} ({document['usable']} of {document['places']} points have a value)")
-
-
-def register_field(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    app.command()(field)
-    app.add_typer(campaign, name="campaign")
+    more |= {one.name: str(one.path) for one in pictures}
+    return run_document(run, target, store) | more
 
 
 def _outputs(projects: list[Path], output: Path | None) -> list[Path]:
     """A field file for each project."""
     from graindamp.field.store import SUFFIXES
+    from graindamp.report.field_run import check_suffix
 
     if len(projects) == 1 and (output is None or output.suffix):
         target = output if output is not None else projects[0].with_suffix(".nc")
-        _check_suffix(target)
+        check_suffix(target)
         return [target]
     if output is not None and output.suffix in SUFFIXES:
         raise InputError(f"--output: given '{output}', one file for {len(projects)} projects; give a folder")
@@ -243,37 +180,18 @@ def _outputs(projects: list[Path], output: Path | None) -> list[Path]:
     return [folder / f"{name}.nc" for name in names]
 
 
-def _check_suffix(target: Path) -> None:
-    from graindamp.field.store import SUFFIXES
-
-    if target.suffix not in SUFFIXES:
-        raise InputError(f"--output: given '{target}'; a field file ends in {' or '.join(SUFFIXES)}")
-
-
-def _write_run(run: "FieldRun", target: Path) -> Path | None:
-    """Write the field, and of an adaptive plan the points it was made from; their file, or None."""
-    _write(run.field, target)
-    if run.points is run.field:
-        return None
-    points = target.with_name(f"{target.stem}.points{target.suffix}")
-    _write(run.points, points)
-    return points
-
-
-def _write(field: Any, target: Path) -> None:
-    """Write a field under a name that appears when all of it is there."""
-    from graindamp.field.store import write_field
-
-    draft = target.with_name(f".{target.stem}.part{target.suffix}")
+def _check_folder(target: Path) -> None:
+    """Make the folder of a field before it is computed; else an InputError."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_field(field, draft)
-        draft.replace(target)
     except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror or error})") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
+        raise InputError(f"--output: {target} cannot be written ({error.strerror or error})") from None
+
+
+def _computed_by(run: "FieldRun") -> str:
+    """The back end of a field's points in words."""
+    attrs = run.points.attrs
+    return f"on the GPU in {attrs['precision']} precision" if attrs["backend"] == "cuda" else "on the CPU"
 
 
 def _store_place(projects: list[Path], output: Path | None, store: Path | None) -> Path:
@@ -297,66 +215,6 @@ def _check_resumable(store: "Store", field: "StoredField") -> None:
             f"--resume: {field.project} or the back end is not what the campaign in {store.folder} was begun with; "
             "undo the changes, or leave --resume out: points that are the same are used again"
         )
-
-
-def _computed_by(run: "FieldRun") -> str:
-    """The back end of a field's points in words."""
-    attrs = run.points.attrs
-    return f"on the GPU in {attrs['precision']} precision" if attrs["backend"] == "cuda" else "on the CPU"
-
-
-def _field_row(field: "StoredField", entries: dict[str, Any]) -> dict[str, Any]:
-    from graindamp.campaign.run import rest_tasks
-
-    keys = [task.key for task in rest_tasks(field)]
-    states = [entries[key].state if key in entries else "queued" for key in keys]
-    told = {state: states.count(state) for state in ("queued", "running", "done", "failed")}
-    return {
-        "name": field.name,
-        "project": field.project,
-        "title": field.spec.title,
-        "backend": field.backend,
-        "points": len(keys),
-        **told,
-    }
-
-
-def _choose(fields: list["StoredField"], name: str | None, store: Path) -> "StoredField":
-    names = [field.name for field in fields]
-    if not fields:
-        raise InputError(f"{store}: holds no description of a field; run 'graindamp field' on it once")
-    if name is None and len(fields) > 1:
-        raise InputError(f"{store}: holds several fields; add --name, one of {', '.join(names)}")
-    if name is not None and name not in names:
-        raise InputError(f"--name: given '{name}'; the store holds {', '.join(names)}")
-    return fields[0] if name is None else fields[names.index(name)]
-
-
-def _document(run: "FieldRun", target: Path, store: "Store") -> dict[str, Any]:
-    import numpy as np
-
-    usable = np.isfinite(run.points["loss_factor"].to_numpy())
-    return {
-        "field": str(target),
-        "store": str(store.folder),
-        "places": int(usable.size),
-        "usable": int(usable.sum()),
-        "runs": run.n_point,
-        "computed": run.n_computed,
-        "backend": run.points.attrs["backend"],
-        "precision": run.points.attrs["precision"],
-        "particle_steps": float(run.points["particle_steps"].sum()),
-        "failed": list(run.failures),
-        "warnings": list(run.warnings),
-    }
-
-
-def _failures(failures: tuple[str, ...], store: Path) -> list[str]:
-    if not failures:
-        return []
-    more = [f"and {len(failures) - SHOWN} more points failed"] if len(failures) > SHOWN else []
-    lines = [f"failed: {line}" for line in failures[:SHOWN]]
-    return [*lines, *more, f"'graindamp campaign retry {store}' queues them again; then give the same command"]
 
 
 @contextmanager

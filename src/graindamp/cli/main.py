@@ -11,12 +11,14 @@ from typing import Annotated, Any
 import typer
 
 import graindamp
+from graindamp.cli.campaign import campaign
 from graindamp.cli.cosimulate import cosimulate
 from graindamp.cli.decay import decay
-from graindamp.cli.field import register_field
+from graindamp.cli.field import field
 from graindamp.cli.impact import register_impact
-from graindamp.cli.options import AsJson, print_json, progress_of, read_option, warn
+from graindamp.cli.options import AsJson, print_json, progress_of, warn
 from graindamp.cli.rules import rules
+from graindamp.cli.show import show
 from graindamp.cli.simulate import register
 from graindamp.errors import InputError
 
@@ -219,40 +221,10 @@ def _finish(prediction: Any, files: Any, document: dict[str, Any], as_json: bool
         print(f"picture  {picture}")
 
 
-@app.command()
-def show(
-    field: Annotated[Path, typer.Argument(help="Field file, .nc or .csv.")],
-    bed_mass: Annotated[str | None, typer.Option(help="Mass of all particles [kg], where a CSV does not tell.")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Picture to write; default: <field>.png here.")] = None,
-    convert: Annotated[Path | None, typer.Option(help="Write the field again as .nc or .csv.")] = None,
-    as_json: AsJson = False,
-) -> None:
-    """What a field holds: table, and map as a picture."""
-    from graindamp.field.store import read_field, write_field
-    from graindamp.report.document import field_document
-
-    data = read_field(field, read_option("bed-mass", bed_mass, "kg"))
-    if convert is not None:
-        write_field(data, convert)
-    if figure is not None or not as_json:
-        from graindamp.report import figures as draw
-
-        figure = figure if figure is not None else Path(f"{field.stem}.png")
-        draw.save(draw.field_map(data), figure)
-    if as_json:
-        print_json(field_document(data))
-        return
-    from graindamp.report.console import show as show_table
-    from graindamp.report.tables import field_table
-
-    show_table(field_table(data))
-    print(f"picture  {figure}")
-    if convert is not None:
-        print(f"written  {convert}")
-
-
+app.command()(show)
 register(app)
-register_field(app)
+app.command()(field)
+app.add_typer(campaign)
 app.command()(cosimulate)
 app.command()(decay)
 

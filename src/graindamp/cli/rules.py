@@ -19,6 +19,14 @@ Text = str | None
 _DIMENSIONLESS = dict.fromkeys(("loss_factor", "effective_mass_ratio"), "-")
 
 
+def _positive(option: str, value: str, unit: str) -> float:
+    """SI number of an option that must be above 0."""
+    number = need_option(option, value, unit)
+    if not number > 0.0:
+        raise InputError(f"--{option}: given '{value}'; a value above 0 is needed")
+    return number
+
+
 @rules.command("bouncing")
 def rules_bouncing(
     stroke_ratio: Annotated[Text, typer.Option(help="Stroke over its optimum, X / (h / pi) [-].")] = None,
@@ -37,9 +45,9 @@ def rules_bouncing(
     if stroke_ratio is not None:
         r = need_option("stroke-ratio", stroke_ratio, "")
     elif clearance is not None and frequency is not None and intensity is not None:
-        omega = 2 * pi * need_option("frequency", frequency, "Hz")
+        omega = 2 * pi * _positive("frequency", frequency, "Hz")
         level = read_intensity("intensity", intensity) or 0.0
-        r = level * STANDARD_GRAVITY / omega**2 * pi / need_option("clearance", clearance, "m")
+        r = level * STANDARD_GRAVITY / omega**2 * pi / _positive("clearance", clearance, "m")
     else:
         raise InputError("give --stroke-ratio, or --clearance with --frequency and --intensity")
     point = theory.collect_and_collide(r, e)
@@ -128,7 +136,7 @@ def rules_coating(
     if r <= 0:
         raise InputError(f"--particle-radius: given '{particle_radius}'; a radius above 0 is needed")
     line = length / (2 * r) if n_line is None else n_line
-    mass = 4 / 3 * pi * r**3 * need_option("density", density, "kg/m^3")
+    mass = 4 / 3 * pi * r**3 * _positive("density", density, "kg/m^3")
     particles = (line, mass, r, need_option("youngs-modulus", youngs_modulus, "Pa"), poisson, wall_poisson)
     level = read_intensity("intensity", intensity) or 0.0
     if frequency is None and wall_modulus is None:

@@ -275,10 +275,12 @@ def _unsettled(spec: "SimulationSpec", packing: "Packing") -> list[str]:
 
 def tell_of_compiling(quiet: bool) -> None:
     """Say why nothing happens for a while, where no compiled engine is kept yet."""
-    from graindamp.dem.compile import CACHED, cache_folder
+    from graindamp.dem.compile import CACHED
+    from graindamp.dem.contact import pair_forces
+    from graindamp.dem.precompile import is_kept
 
-    if not quiet and not (CACHED and any(cache_folder().rglob("*.nbi"))):
-        print("compiling the engine (once, up to a minute)", file=sys.stderr)
+    if not quiet and not (CACHED and is_kept(pair_forces)):
+        print("compiling the engine (once, about half a minute)", file=sys.stderr)
 
 
 @contextmanager

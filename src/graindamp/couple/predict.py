@@ -16,6 +16,7 @@ from graindamp.couple.single_mode import load_mode
 from graindamp.errors import InputError
 from graindamp.field.ideal import ideal_field
 from graindamp.field.interpolate import Interpolant
+from graindamp.field.softening import remarks_on
 from graindamp.field.store import read_field
 from graindamp.spec.project import AttachedSpec, IdealFieldSpec, ProjectSpec
 from graindamp.spec.structure import BeamSpec, PointMassSpec
@@ -121,7 +122,7 @@ def predict(project: ProjectSpec, folder: str | Path = ".", progress: Progress =
         tuple(_studies(project, model, dampers, folder, progress)),
         {name: place for name, place in _named_places(project, None).items() if name != OUTPUT},
         _shapes(project, folder),
-        tuple(_warnings(modes, model)),
+        (*_softened(project.dampers, fields), *_warnings(modes, model)),
     )
 
 
@@ -215,6 +216,15 @@ def _studies(
             rows.append(solve_modes_at(moved, project.drive.forces[-1], dampers))
         studies.append(Study("position [m]", positions, tuple(rows)))
     return studies
+
+
+def _softened(dampers: Sequence[AttachedSpec], fields: Sequence[xr.Dataset]) -> list[str]:
+    """What is to be known of the softening of the fields, once for every field with the names of its dampers."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for damper, field in zip(dampers, fields, strict=True):
+        for remark in remarks_on(field):
+            names.setdefault((str(damper.field), remark), []).append(damper.name)
+    return [f"field of {', '.join(named)}: {remark}" for (_, remark), named in names.items()]
 
 
 def _warnings(modes: Sequence[Sequence[ModePrediction]], model: ModalModel) -> list[str]:

@@ -21,6 +21,7 @@ from graindamp.dem.oscillators import (
     swing,
     swirl,
 )
+from graindamp.dem.precompile import first_compilation
 from graindamp.dem.state import Worlds
 from graindamp.dem.wall_contact import wall_forces
 from graindamp.status import Status
@@ -125,6 +126,7 @@ def run_carried(oscillators: Oscillators, worlds: Worlds, target: NDArray[np.int
         target: step that each structure shall have done [-]; 0 finds the forces at the first positions; (structure,).
         n_thread: processor cores to use; each takes the next structure.
     """
+    first_compilation(advance_carried, 0, 1, target, oscillators, worlds)
     full = int(Status.LISTS_FULL)
     while True:
         _advance_all(target, oscillators, worlds, n_thread)

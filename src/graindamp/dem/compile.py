@@ -1,7 +1,8 @@
 """Compilation of the engine's functions for the processor, and where the compiled code is kept between runs.
 
-Compiled code is kept in the user's cache folder under a key made of the engine's own sources and the versions of
-Python and numba, so that a changed line in any file of the engine is never answered by old machine code."""
+Compiled code is kept in the user's cache folder under a key made of the engine's own sources, the versions of Python
+and numba, and the kind of processor, so that a changed line in any file of the engine is never answered by old code.
+"""
 
 import hashlib
 import os
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from llvmlite.binding import get_host_cpu_name
 
 numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined] # rows of four numbers become one vector; off by default in numba
 
@@ -21,8 +23,8 @@ FAST = {"contract", "arcp", "nsz", "nnan"}
 
 
 def cache_folder() -> Path:
-    """Folder of the compiled code of exactly these sources."""
-    key = hashlib.sha256(f"{sys.version} {numba.__version__}".encode())
+    """Folder of the compiled code of exactly these sources, for this kind of processor."""
+    key = hashlib.sha256(f"{sys.version} {numba.__version__} {get_host_cpu_name()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         key.update(path.name.encode() + path.read_bytes())
     home = os.environ.get("GRAINDAMP_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"

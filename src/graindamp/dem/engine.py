@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graindamp.dem.backend import advance
+from graindamp.dem.precompile import first_compilation
 from graindamp.dem.state import Contacts, Worlds, aligned, empty_contacts
 from graindamp.status import Status
 
@@ -34,6 +35,7 @@ def run(worlds: Worlds, n_step: int, n_thread: int = 1) -> Worlds:
     """
     target = int(worlds.clock.step.max()) + n_step
     n_world = len(worlds.clock.step)
+    first_compilation(advance, 0, n_world, target, worlds)
     bounds = np.linspace(0, n_world, min(n_thread, n_world) + 1).astype(int)
     full = int(Status.LISTS_FULL)
     while True:

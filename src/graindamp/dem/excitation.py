@@ -183,7 +183,10 @@ def read_series(
         raise InputError(f"{path}: no column '{value}'; it has {', '.join(others)}; name another in value_column")
     if table[value].shape != table[time_column].shape:
         raise InputError(f"{path}: '{time_column}' and '{value}' differ in length")
-    factor = 1.0 if unit is None else to_si(f"1 {unit}", si_unit)
+    try:
+        factor = 1.0 if unit is None else to_si(f"1 {unit}", si_unit)
+    except ValueError as error:
+        raise InputError(f"{path}: unit: given '{unit}'; {error}") from None
     return table[time_column], factor * table[value]
 
 
@@ -195,7 +198,10 @@ def _table(path: Path) -> dict[str, Real]:
                 return {name: np.atleast_1d(np.asarray(file[name], np.float64)) for name in file.files}
         with open(path, encoding="utf-8-sig") as text:
             names = [name.strip().strip('"') for name in text.readline().split(",")]
-            numbers = np.loadtxt(text, delimiter=",", ndmin=2)
+            lines = [line for line in text if line.strip()]
+        if not lines:
+            raise ValueError("it has no numbers")
+        numbers = np.loadtxt(lines, delimiter=",", ndmin=2)
         if numbers.shape[1] != len(names):
             raise ValueError(f"{len(names)} names over {numbers.shape[1]} columns")
         return {name: numbers[:, k] for k, name in enumerate(names)}

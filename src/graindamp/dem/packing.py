@@ -112,6 +112,8 @@ def pack(
         InputError: the bed does not fit, or the description cannot be packed.
         PackingError: the bed packed is not sound, a defect.
     """
+    if cache is not None and cache.exists() and not cache.is_dir():
+        raise InputError(f"{cache}: a folder is needed for stored packings, this is a file")
     path = (default_folder() if cache is None else cache) / f"{packing_key(damper, PHYSICS, folder)[:32]}.npz"
     return kept(path, lambda: packed(damper, folder, progress), "packed")
 

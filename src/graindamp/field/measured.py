@@ -13,13 +13,15 @@ from graindamp.field.store import field_from_points
 from graindamp.signals.checks import Problem
 from graindamp.signals.phase import PhaseCalibration
 from graindamp.signals.power import OperatingPoint, analyze, calibration_from
-from graindamp.signals.readers.read import read_records
+from graindamp.signals.readers.read import once, read_records
 from graindamp.signals.record import Record
 from graindamp.spec.measurement import MeasurementSpec
 from graindamp.status import FATAL
 
 SAME_INTENSITY = 0.02
 """Intensities within this share count as one setting of the rig; its controller holds levels no better."""
+SAME_FREQUENCY = 1e-3
+"""The same for frequencies as they are found in the signals."""
 
 
 class Measurement(NamedTuple):
@@ -56,6 +58,7 @@ def measure(
     Raises:
         InputError: a file cannot be read, masses are missing or contradict each other, or no record gives a value.
     """
+    once(spec.files, folder)
     records = [record for name in spec.files for record in read_records(Path(folder) / name, spec.channels)]
     empty = [record for record in records if record.is_empty]
     for name in spec.empty_files:
@@ -132,7 +135,7 @@ def field_of(points: Sequence[OperatingPoint], bed_mass: float, source: str, dam
     kept = [point for point in kept if np.isfinite(point.frequency)]
     measured = np.array([point.intensity for point in kept])
     columns = {
-        "frequency": _settings(np.array([point.frequency for point in kept]), share=1e-3),
+        "frequency": _settings(np.array([point.frequency for point in kept]), SAME_FREQUENCY),
         "intensity": _intensity_settings(kept),
         "loss_factor": np.array([point.loss_factor for point in kept]),
         "effective_mass_ratio": np.array([point.effective_mass_ratio for point in kept]),
@@ -159,11 +162,14 @@ def _intensity_settings(points: Sequence[OperatingPoint]) -> NDArray[np.float64]
 
 
 def _settings(values: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """Each value replaced by the mean of those that lie within `share` of their lower neighbour."""
+    """Each value replaced by the mean of those that belong together: each lies within `share` of its lower neighbour,
+    and all within twice that. Steps so small that a row of them is wider are settings of their own."""
     order = np.argsort(values)
-    groups = np.split(order, 1 + np.flatnonzero(np.diff(values[order]) > share * values[order][:-1]))
-    result = np.empty_like(values)
-    for group in groups:
+    ordered = values[order]
+    result = values.copy()
+    for group in np.split(order, 1 + np.flatnonzero(np.diff(ordered) > share * ordered[:-1])):
+        if np.ptp(values[group]) > 2.0 * share * values[group[0]]:
+            continue
         result[group] = float(f"{values[group].mean():.4g}") if np.ptp(values[group]) > 0 else values[group[0]]
     return result
 

@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from graindamp.errors import InputError
+from graindamp.signals.motion_modes import MotionMode
 from graindamp.status import FATAL, Status
 from graindamp.units import STANDARD_GRAVITY
 
@@ -45,6 +46,8 @@ TABLE: dict[str, Variable] = {
     "effective_mass_modulus_ratio": Variable("1", "modulus of M_eff - m_container over bed mass", False),
     "loss_factor_other": Variable("1", "loss factor of a bistable point's second answer, NaN elsewhere", False),
     "effective_mass_ratio_other": Variable("1", "effective mass ratio of the second answer, NaN elsewhere", False),
+    "loss_factor_other_se": Variable("1", "standard error of the second answer's loss factor", False),
+    "effective_mass_ratio_other_se": Variable("1", "standard error of the second answer's mass ratio", False),
     "solid_fraction": Variable("1", "solid fraction of the packed bed", False),
     "motion_mode": Variable("1", "motion mode, -1 where it is unknown", False, "int"),
     "loss_share_normal": Variable("1", "share of normal damping between particles in all that is dissipated", False),
@@ -213,6 +216,10 @@ def _check_values(field: xr.Dataset, where: str) -> None:
     for name in ("loss_factor_se", "effective_mass_ratio_se"):
         if np.any(field[name].to_numpy() < 0):
             raise InputError(f"{where}: {name} is negative somewhere; standard errors are 0 or more, NaN if unknown")
+    if "motion_mode" in field:
+        told, allowed = np.unique(field["motion_mode"].to_numpy()), [int(mode) for mode in MotionMode]
+        if np.any(~np.isin(told, allowed)):
+            raise InputError(f"{where}: motion_mode holds {_list(told)}, allowed are {min(allowed)} to {max(allowed)}")
     f, gamma = places_of(field)
     velocity = gamma * STANDARD_GRAVITY / (2 * np.pi * f)
     scale = np.pi * bed_mass * velocity**2

@@ -2,6 +2,7 @@
 
 import csv
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,21 @@ from numpy.typing import NDArray
 
 from graindamp.errors import InputError
 from graindamp.field.schema import TABLE, check, damper_of, make_field, places_of
+from graindamp.field.softening import softening_of, study_of
+from graindamp.signals.motion_modes import MotionMode
+from graindamp.status import Status
 from graindamp.units import STANDARD_GRAVITY, to_si
 
 SUFFIXES = (".nc", ".csv")
+
+_KEPT = ("graindamp_version", "seeds", "softening", "softening_study", "backend", "precision")
+"""Attributes of a simulated field that a CSV keeps in its head."""
+
+_TEXTS = ("name", "description")
+"""What is told of a damper in words, even if they look like numbers."""
+
+BLANK = {"motion_mode": int(MotionMode.UNKNOWN)}
+"""What an empty cell of a column of whole numbers means, where that is not 0."""
 
 _ALIASES: dict[str, tuple[str, ...]] = {
     "frequency": ("frequency", "f", "freq"),
@@ -31,6 +44,9 @@ _ALIASES: dict[str, tuple[str, ...]] = {
     "effective_mass_modulus_ratio": ("effectivemassmodulusratio",),
 }
 _ALIASES |= {name: (name.replace("_", ""),) for name in TABLE if name not in _ALIASES}
+
+_ACCELERATIONS = ("acceleration", "acc", "amplitude")
+"""Names of an intensity that need a unit."""
 
 
 def write_field(field: xr.Dataset, path: str | Path) -> None:
@@ -69,14 +85,23 @@ def read_field(path: str | Path, bed_mass: float | None = None) -> xr.Dataset:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; a field is a {' or '.join(SUFFIXES)} file")
     if path.suffix == ".csv":
-        return _from_csv(path, bed_mass)
+        return _softening_checked(_from_csv(path, bed_mass), path)
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            field: xr.Dataset = opened.load()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of other kinds of HDF5 files, which are refused below
+            with xr.open_dataset(path, engine="h5netcdf") as opened:
+                field: xr.Dataset = opened.load()
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not a readable netCDF-4 file ({error})") from None
     check(field, where=str(path))
     field.attrs["bed_mass"] = float(field.attrs["bed_mass"])
+    return _softening_checked(field, path)
+
+
+def _softening_checked(field: xr.Dataset, path: Path) -> xr.Dataset:
+    """The same; what it tells of its softening can be read, or else there is an InputError that names the file."""
+    softening_of(field, str(path))
+    study_of(field, str(path))
     return field
 
 
@@ -97,12 +122,17 @@ def _to_csv(field: xr.Dataset) -> str:
     lines = [
         "# effective field of a particle damper",
         f"# bed_mass = {field.attrs['bed_mass']!r} kg",
-        f"# source = {field.attrs.get('source', '')}",
-        *(f"# damper.{key} = {value}" for key, value in damper_of(field).items()),
+        f"# source = {_in_a_line(field.attrs.get('source', ''))}",
+        *(f"# {key} = {_in_a_line(field.attrs[key])}" for key in _KEPT if key in field.attrs),
+        *(f"# damper.{key} = {_in_a_line(value)}" for key, value in damper_of(field).items()),
         ",".join(f"{name} [{TABLE[name].units.replace('1', '-')}]" for name in columns),
     ]
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return "\n".join(lines + [",".join("" if value != value else repr(value) for value in row) for row in rows]) + "\n"
+
+
+def _in_a_line(value: Any) -> str:
+    return " ".join(str(value).split())
 
 
 def _from_csv(path: Path, bed_mass: float | None) -> xr.Dataset:
@@ -119,11 +149,21 @@ def _from_csv(path: Path, bed_mass: float | None) -> xr.Dataset:
     damper: dict[str, Any] = {}
     for key, text in header.items():
         if key.startswith("damper."):
-            damper[key.removeprefix("damper.")] = _number_or_text(text)
+            name = key.removeprefix("damper.")
+            damper[name] = text if name in _TEXTS else _number_or_text(text)
     if "clearance" in header:
         damper["clearance"] = _header_value(path, header, "clearance", "m")
+        if not damper["clearance"] > 0.0:
+            raise InputError(f"{path}: clearance: given {header['clearance']!r}; a length above 0 is needed")
     damper.setdefault("bed_mass", mass)
-    return field_from_points(columns, mass, header.get("source", f"typed by hand, {path.name}"), damper, str(path))
+    source = header.get("source", f"typed by hand, {path.name}")
+    field = field_from_points(columns, mass, source, damper, str(path))
+    if "status" not in columns:
+        gives = field["loss_factor"] < -3.0 * field["loss_factor_se"].fillna(0.0)
+        status = field["status"].to_numpy() | np.where(gives.to_numpy(), int(Status.NOT_PASSIVE), 0)
+        field["status"] = (field["status"].dims, status, field["status"].attrs)
+    field.attrs |= {key: _number_or_text(header[key]) for key in _KEPT if key in header}
+    return field
 
 
 def _number_or_text(text: str) -> float | str:
@@ -211,6 +251,9 @@ def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]]) ->
         for number, cells in rows:
             if len(cells) < len(names):
                 raise InputError(f"{path}: line {number} has {len(cells)} cells, the names row has {len(names)}")
+            if any(cells[len(names) :]):
+                told = f"{path}: line {number} has {len(cells)} cells, the names row has {len(names)}"
+                raise InputError(f"{told}; decimal commas need semicolons between the cells")
             cell = cells[index].replace(",", ".") if has_comma else cells[index]
             try:
                 values.append(float(cell) * factor if cell else float("nan"))
@@ -218,7 +261,7 @@ def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]]) ->
                 raise InputError(f"{path}: line {number}, column {title}: given {cell!r}, a number is needed") from None
         column = np.array(values)
         if TABLE[name].kind == "int":
-            column = np.nan_to_num(column).astype(np.int64)
+            column = np.nan_to_num(column, nan=BLANK.get(name, 0)).astype(np.int64)
         columns[name] = column
     return columns
 
@@ -231,6 +274,8 @@ def _meaning(path: Path, title: str) -> tuple[str | None, float]:
     if key.endswith("hz"):
         key = key.removesuffix("hz")
     name = next((name for name, aliases in _ALIASES.items() if key in aliases), None)
+    if key in _ACCELERATIONS and unit in ("", "-", "1"):
+        raise InputError(f"{path}: column '{title}' has no unit; write acceleration [m/s^2] or [g], or intensity")
     if name is None or unit in ("", "-", "1"):
         return name, 1.0
     try:

@@ -17,6 +17,8 @@ PHASE_TOLERANCE = 1e-10
 """Take-off phases closer than this [rad] are the same one; root finding is good to about 1e-12."""
 MAX_FLIGHTS, TRANSIENT_FLIGHTS = 3000, 500
 """Flights followed in search of a repetition, and those left out of the average when there is none."""
+MAX_INTENSITY = 1e4
+"""Above it flights last thousands of cycles, each of which has to be looked at [-]."""
 
 
 class TheoryPoint(NamedTuple):
@@ -242,14 +244,14 @@ def bouncing_bed_vertical(intensity: float) -> TheoryPoint:
     :data:`MAX_FLIGHTS` flights, given as the mean over all but the first :data:`TRANSIENT_FLIGHTS`.
 
     Args:
-        intensity: Gamma, acceleration amplitude of the floor over gravity [-], > 0.
+        intensity: Gamma, acceleration amplitude of the floor over gravity [-], > 0, at most :data:`MAX_INTENSITY`.
 
     Raises:
         InputError: an argument outside its range.
 
     Source: Mehta & Luck (1990), Phys. Rev. Lett. 65, 393-396, for the motion; complex effective mass derived here.
     """
-    _check("intensity", intensity, intensity > 0, "> 0")
+    _check("intensity", intensity, 0 < intensity <= MAX_INTENSITY, f"> 0, at most {MAX_INTENSITY:g}")
     if intensity <= 1.0:
         return frozen_bed()
     gravity = 1.0 / intensity

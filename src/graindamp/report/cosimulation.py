@@ -17,7 +17,7 @@ from graindamp.report.ledger import LOSSES
 from graindamp.report.page import Section, write_page
 from graindamp.report.plain import plain as as_plain
 from graindamp.report.tables import Table
-from graindamp.report.wording import plain
+from graindamp.report.wording import plain, softened
 from graindamp.report.written import Files, write_columns, write_document
 from graindamp.signals.decay import Decay, analyze_decay
 from graindamp.signals.decay_record import DecayRecord
@@ -46,12 +46,13 @@ def examine(run: CoRun, points: tuple[str, ...]) -> CoResult:
     worst = float(np.abs(run.residual).max())
     if worst > LEAST_CLOSURE:
         warnings.append(f"{100 * worst:.2g} % of the energy is not accounted for; raise steps_per_contact")
+    warnings += softened(one.damper.contact.softening for one in run.case.dampers)
     decay = None
     if not run.case.forces and run.case.q is not None:
         rate = 1.0 / (run.time[1] - run.time[0])
         try:
             decay = analyze_decay(DecayRecord(run.velocity(points[0]), "velocity", rate, points[0], points[0]))
-            warnings += decay.warnings
+            warnings += [*decay.warnings, "standard errors are those of one run; other beds (packing.seed) differ too"]
         except InputError as error:
             warnings.append(f"no free decay was found: {error}")
     return CoResult(run, points, decay, tuple(warnings))

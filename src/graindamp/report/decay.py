@@ -22,6 +22,7 @@ from graindamp.report.written import Files, write_columns, write_document
 from graindamp.signals.decay import Decay, analyze_decay, mass_normalised
 from graindamp.signals.decay_record import read_decays
 from graindamp.signals.decay_repeats import Curve, combine
+from graindamp.signals.readers.read import once
 from graindamp.signals.record import MOTION_UNIT
 from graindamp.spec.decay import DecaySpec
 
@@ -71,6 +72,7 @@ def examine(spec: DecaySpec, folder: Path, progress: Callable[[str], None] = lam
     Raises:
         InputError: a file cannot be read, or no record holds a decay.
     """
+    once(spec.files, folder)
     records = [record for name in spec.files for record in read_decays(folder / name, spec.channels)]
     results: list[Decay] = []
     failed: list[str] = []

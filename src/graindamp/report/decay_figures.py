@@ -7,10 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from graindamp.report.figures import COLORS
+from graindamp.report.figures import COLORS, log_axis
 from graindamp.signals.decay import Decay, mass_normalised
 from graindamp.signals.decay_repeats import Curve
 from graindamp.signals.record import MotionKind
@@ -166,7 +165,5 @@ def _with_errors(axes: Axes, at: Real, mean: Real, error: Real, label: str) -> N
 
 def _amplitude_axis(axes: Axes, label: str) -> None:
     axes.set(xlabel=label, xscale="log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    log_axis(axes.xaxis)
     axes.grid(True, alpha=0.25)

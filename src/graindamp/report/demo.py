@@ -126,6 +126,7 @@ def _simulation_section(
 ) -> Section:
     """How the bed moves: map of the modes, and a film where the strongest force drives the first mode that it can."""
     from graindamp.report import figures
+    from graindamp.report.field_run import accuracy_text
     from graindamp.report.mode_figures import energy_path, mode_map
     from graindamp.report.motion_picture import animate
 
@@ -144,6 +145,8 @@ def _simulation_section(
         f"{found.points.sizes['point']} operating points were simulated, each until its standard error was small "
         "enough, and chosen where a Gaussian process knew least for what they cost. Between them stands its prediction."
     )
+    if found.verdict is not None:
+        text += f" Its {accuracy_text(found.verdict)}."
     return Section("Simulation", text, (_points_table(found.points),), tuple(pictures))
 
 

@@ -1,5 +1,6 @@
 """Results as plain documents for JSON: SI units, named in the keys' neighbours, NaN as null."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ from graindamp.couple.equilibrium import Equilibrium, ModeResult
 from graindamp.couple.predict import ModePrediction, Prediction, Study
 from graindamp.couple.response import Response, peaks
 from graindamp.field.measured import Measurement
+from graindamp.field.robustness import Measured, Robustness
 from graindamp.field.schema import COORDINATES, TABLE, damper_of, is_grid
+from graindamp.field.softening import remarks_on, softening_of, study_of
 from graindamp.field.store import table_of
 from graindamp.report.plain import plain
 from graindamp.signals.equivalent import equivalent
@@ -36,9 +39,34 @@ def field_document(field: xr.Dataset) -> dict[str, Any]:
             "units": {name: TABLE[name].units for name in columns} | {"bed_mass": "kg"},
             "frequency_range": [field[COORDINATES[0]].min().item(), field[COORDINATES[0]].max().item()],
             "intensity_range": [field[COORDINATES[1]].min().item(), field[COORDINATES[1]].max().item()],
+            "softening": softening_document(field),
             "points": rows,
         }
     )
+    return document
+
+
+def robustness_document(found: Robustness) -> dict[str, Any]:
+    """How good a field stays over its range; numbers with standard errors."""
+    told = {
+        name: {"value": part.value, "standard_error": part.error}
+        for name, part in found._asdict().items()
+        if isinstance(part, Measured)
+    }
+    ranges = {"frequency_range": list(found.frequency_range), "intensity_range": list(found.intensity_range)}
+    document: dict[str, Any] = plain({"level": found.level, "covered": found.covered} | told | ranges)
+    return document
+
+
+def softening_document(field: xr.Dataset) -> dict[str, Any]:
+    """How far the contacts of a field were softened, what that does by its study, and what to know about it."""
+    study = study_of(field)
+    document: dict[str, Any] = {"softening": softening_of(field), "remarks": list(remarks_on(field)), "study": None}
+    if study is not None:
+        told = json.loads(study.dump())
+        checked = zip(told["points"], study.are_straight, study.relative_errors.tolist(), strict=True)
+        told["points"] = [one | {"line_fits": fits, "relative_error": error} for one, fits, error in checked]
+        document["study"] = told
     return document
 
 
@@ -100,7 +128,12 @@ def prediction_document(prediction: Prediction) -> dict[str, Any]:
                 "mobility": "m/(N s)",
             },
             "dampers": [
-                {"name": damper.name, "bed_mass": damper.bed_mass, "source": field.attrs.get("source", "")}
+                {
+                    "name": damper.name,
+                    "bed_mass": damper.bed_mass,
+                    "source": field.attrs.get("source", ""),
+                    "softening": softening_document(field),
+                }
                 for damper, field in zip(prediction.dampers, prediction.fields, strict=True)
             ],
             "modes": [mode_document(mode) for solved in prediction.modes for mode in solved],

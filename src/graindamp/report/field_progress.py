@@ -14,10 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from graindamp.campaign.outlook import Outlook, PlaceView
+from graindamp.report.field_pictures import Picture
+from graindamp.report.figures import log_axis
+from graindamp.report.page import table_html
+from graindamp.report.tables import Table
 from graindamp.units import STANDARD_GRAVITY
 
 DRAW_EVERY = 5.0
@@ -69,9 +72,7 @@ def progress_map(outlook: Outlook, title: str) -> Figure:
         axes.set(xscale="log", yscale="log", xlabel="frequency f [Hz]")
         axes.set(xlim=(_edges(f)[0], _edges(f)[-1]), ylim=(_edges(gamma)[0], _edges(gamma)[-1]))
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(NullFormatter())
+            log_axis(axis)
         _strokes(axes, outlook.clearance)
         figure.colorbar(mappable, ax=axes).set_label(label)
     panels[0].set_ylabel("excitation intensity Γ [-]")
@@ -152,6 +153,9 @@ class FieldProgress:
         self._last: Outlook | None = None
         self._shown = ""
         self._status: Any = None
+        self._remarks: tuple[str, ...] = ()
+        self._tables: tuple[Table, ...] = ()
+        self._pictures: tuple[Picture, ...] = ()
 
     def __call__(self, outlook: Outlook) -> None:
         """Show the state, if it is time to."""
@@ -187,6 +191,10 @@ class FieldProgress:
                 print(line_of(self._last), file=sys.stderr)
             self.draw("finished" if kind is None else "stopped")
 
+    def conclude(self, remarks: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture]) -> None:
+        """What the page shows below the map once the field is done; pictures lie beside it."""
+        self._remarks, self._tables, self._pictures = tuple(remarks), tuple(tables), tuple(pictures)
+
     def draw(self, state: str) -> None:
         """Write map and page. A picture that cannot be written stops nothing: results count."""
         if self._last is None or not self._last.places:
@@ -201,14 +209,22 @@ class FieldProgress:
         again = '<meta http-equiv="refresh" content="5">' if state == "running" else ""
         title, line = html.escape(self._title), html.escape(line_of(self._last))
         legend = "hatched: waiting; dotted: running (grey: by another campaign); red cross: failed"
+        below = "".join(f'<div class="warn">{html.escape(remark)}</div>' for remark in self._remarks)
+        below += "".join(table_html(table) for table in self._tables)
+        below += "".join(
+            f'<img alt="{html.escape(one.name)}" src="{html.escape(one.path.name)}"><p>{html.escape(one.caption)}</p>'
+            for one in self._pictures
+        )
         stamp = time.strftime("%Y-%m-%d %H:%M:%S")
         return (
             f'<!doctype html><html lang="en"><head><meta charset="utf-8">{again}<title>{title}</title>'
             "<style>body{font:15px/1.5 system-ui,sans-serif;max-width:1200px;margin:2rem auto;padding:0 1rem}"
-            "img{max-width:100%}</style></head>"
+            "img{max-width:100%}table{border-collapse:collapse;font-size:13px}.wide{overflow-x:auto}"
+            "th,td{padding:.25rem .6rem;text-align:right;border-bottom:1px solid #e5e5e5}"
+            ".warn{background:#fff6e0;border-left:4px solid #e69f00;padding:.4rem .8rem;margin:.4rem 0}</style></head>"
             f"<body><h1>{title}</h1><p>{state}, {stamp}. {line}.</p>"
             f'<img alt="map of the field" src="{html.escape(self.picture.name)}?{time.time():.0f}"><p>{legend}.</p>'
-            "</body></html>\n"
+            f"{below}</body></html>\n"
         )
 
 

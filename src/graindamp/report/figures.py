@@ -1,6 +1,7 @@
 """Figures. Each function draws one picture and returns it; nothing here computes results or shows windows."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from graindamp.field.interpolate import Interpolant
 from graindamp.field.schema import damper_of, is_grid
 from graindamp.field.store import table_of
 from graindamp.signals.power import OperatingPoint
-from graindamp.status import FATAL
+from graindamp.status import FATAL, Status
 from graindamp.units import STANDARD_GRAVITY
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#f0e442")
@@ -28,12 +29,17 @@ MARKERS = ("^", "o", "s", "D", "v", "P", "X", "*")
 """Markers of forces, triangle, circle, square as in Meyer & Seifried (2021)."""
 
 
+PICTURES = (".png", ".pdf", ".svg", ".jpg", ".tif")
+
+
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG.
+    """Write a figure as its name says, .png, .pdf, .svg and others.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: no such kind of picture, or the file cannot be written.
     """
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"{path}: not a kind of picture; allowed are {', '.join(PICTURES)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=130)
@@ -42,8 +48,21 @@ def save(figure: Figure, path: Path) -> Path:
     return path
 
 
-def _log_axis(axis: Any) -> None:
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+class _Ticks(LogLocator):
+    """At 1, 2 and 5 of every decade, and closer over a range that has fewer than three of them."""
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        for subs in ((1.0, 2.0, 5.0), tuple(range(1, 10))):
+            self.set_params(subs=subs)
+            ticks = np.asarray(super().tick_values(vmin, vmax))
+            if np.count_nonzero((ticks >= vmin) & (ticks <= vmax)) >= 3:
+                return ticks
+        return MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(vmin, vmax)
+
+
+def log_axis(axis: Any) -> None:
+    """Plain numbers on a logarithmic axis, at 1, 2 and 5 of every decade where those are enough."""
+    axis.set_major_locator(_Ticks())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -63,14 +82,18 @@ def field_map(
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     columns = table_of(field)
     usable = (columns["status"] & int(FATAL)) == 0
+    twofold = (columns["status"] & int(Status.BISTABLE)) != 0
     f, gamma = columns["frequency"], columns["intensity"]
     for axes, name, label, clip in (
         (panels[0], "loss_factor", "loss factor η [-]", 1.0),
         (panels[1], "effective_mass_ratio", "effective mass ratio m′ [-]", None),
     ):
         _filled(figure, axes, field, name, label, clip)
-        axes.plot(f[usable], gamma[usable], ".", color="white", ms=3, alpha=0.7)
-        axes.plot(f[~usable], gamma[~usable], "x", color="#888888", ms=5)
+        axes.plot(f[usable], gamma[usable], "o", color="white", mec="#555555", mew=0.3, ms=2.5, clip_on=False, zorder=4)
+        if not usable.all():
+            axes.plot(f[~usable], gamma[~usable], "x", color="#888888", ms=5, clip_on=False, zorder=4)
+        if twofold.any():
+            axes.plot(f[twofold], gamma[twofold], "D", mfc="none", mec="white", ms=6, label="two answers")
         _stroke_lines(axes, field, damper.get("clearance"))
         for k, (force, states) in enumerate((equilibria or {}).items()):
             for j, (f0, g0, stable) in enumerate(states):
@@ -81,21 +104,24 @@ def field_map(
                     color="#ff2d2d" if stable else "none",
                     mec="black" if stable else "#ff2d2d",
                     ms=8,
+                    zorder=5,
                     label=force if j == 0 else None,
                 )
         axes.set(xlabel="frequency f [Hz]", xscale="log", yscale="log")
-        _log_axis(axes.xaxis)
-        _log_axis(axes.yaxis)
+        log_axis(axes.xaxis)
+        log_axis(axes.yaxis)
     panels[0].set_ylabel("excitation intensity Γ = A/g [-]")
     if equilibria and any(equilibria.values()):
         panels[1].legend(loc="upper right", fontsize=8, title="equilibria", title_fontsize=8)
+    if twofold.any():
+        panels[0].legend(loc="upper right", fontsize=8, labelcolor="white", facecolor="#555555")
     mass = f"bed {1e3 * field.attrs['bed_mass']:.4g} g"
     figure.suptitle(f"{title or damper.get('name') or 'effective field'} ({mass}; {field.attrs.get('source', '')})")
     return figure
 
 
 def _filled(figure: Figure, axes: Axes, field: xr.Dataset, name: str, label: str, clip: float | None) -> None:
-    """Filled contours of the interpolated field inside its points, or bare points where they span no area."""
+    """Filled contours of the interpolated field inside its points, or bare points where there is nothing between."""
     columns = table_of(field)
     usable = (columns["status"] & int(FATAL)) == 0
     values = columns[name][usable]
@@ -105,21 +131,23 @@ def _filled(figure: Figure, axes: Axes, field: xr.Dataset, name: str, label: str
     else:
         low, high = min(low, 0.0), max(high, 1.0)
     cmap = "viridis" if clip is not None else "cividis"
-    try:
+    drawn: Any = None
+    with suppress(InputError):
         if is_grid(field) and (field.sizes["frequency"] < 2 or field.sizes["intensity"] < 2):
             raise InputError("a line of points")
         at = Interpolant(field, "constant")
-    except InputError:
-        drawn: Any = axes.scatter(
-            columns["frequency"][usable], columns["intensity"][usable], c=values, vmin=low, vmax=high, cmap=cmap, s=90
-        )
-    else:
         f = np.geomspace(*at.frequency_range, 200)
         gamma = np.geomspace(*at.intensity_range, 200)
         grid = at(f[:, None], gamma[None, :])
         z = np.where(grid.extrapolated, np.nan, getattr(grid, name))
-        levels = np.linspace(low, high, 21)
-        drawn = axes.contourf(f, gamma, z.T, levels=levels, extend="max" if clip is not None else "both", cmap=cmap)
+        if np.isfinite(z[1:-1, 1:-1]).any():
+            beyond = (float(values.min()) < low, float(values.max()) > high)
+            extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(beyond, "neither")
+            drawn = axes.contourf(f, gamma, z.T, levels=np.linspace(low, high, 21), extend=extend, cmap=cmap)
+    if drawn is None:
+        drawn = axes.scatter(
+            columns["frequency"][usable], columns["intensity"][usable], c=values, vmin=low, vmax=high, cmap=cmap, s=90
+        )
     ticks = np.asarray(MaxNLocator(8).tick_values(low, high))
     bar = figure.colorbar(drawn, ax=axes, ticks=ticks[(ticks >= low) & (ticks <= high)])
     bar.set_label(label)
@@ -138,7 +166,10 @@ def _stroke_lines(axes: Axes, field: xr.Dataset, clearance: float | None) -> Non
             axes.plot(line[inside], level[inside], style, color="white", lw=1.3)
             text = "X = h/π" if factor == 1 else f"{factor:g} h/π"
             k = np.flatnonzero(inside)[int(inside.sum() * 0.5)]
-            axes.annotate(text, (line[k], level[k]), color="white", fontsize=8, rotation=50, ha="right", va="bottom")
+            # Beside the end of the axes that is further away.
+            right = line[k] / f.min() < f.max() / line[k]
+            ha, va = ("left", "top") if right else ("right", "bottom")
+            axes.annotate(text, (line[k], level[k]), color="white", fontsize=8, rotation=50, ha=ha, va=va)
 
 
 def cycles(points: Sequence[OperatingPoint], columns: int = 5) -> Figure:
@@ -240,7 +271,7 @@ def responses(prediction: Prediction, linear: Response | None = None) -> Figure:
         if np.any(np.abs(back / size - 1) > 1e-3):
             axes.loglog(down.frequency, back, "--", color=COLORS[k % 8], lw=1.0, label=f"{force:g} N, downwards")
     axes.set(xlabel="frequency f [Hz]", ylabel="mobility |v/F| [m/(N s)]")
-    _log_axis(axes.xaxis)
+    log_axis(axes.xaxis)
     axes.grid(True, alpha=0.3)
     axes.legend(fontsize=8)
     axes.set_title("Response at fixed force, all modes and dampers", fontsize=10)
@@ -328,10 +359,15 @@ def study(data: Study) -> Figure:
         left.fill_between(data.value, zeta - error, zeta + error, color=color, alpha=0.2, lw=0)
     left.set(xlabel=data.name, ylabel="damping ratio ζ [%]", ylim=(0, None))
     right.set(xlabel=data.name, ylabel="shift of the resonance by the bed [%]")
+    if not any(mode.equilibria for row in data.predictions for mode in row):
+        left.text(0.5, 0.5, "no equilibrium", transform=left.transAxes, ha="center")
+        if len(data.value) > 1:  # nothing is drawn that the axes could be fitted to
+            for axes in (left, right):
+                axes.set_xlim(np.min(data.value), np.max(data.value))
     if data.name.startswith("force"):
         for axes in (left, right):
             axes.set_xscale("log")
-            _log_axis(axes.xaxis)
+            log_axis(axes.xaxis)
     for axes in (left, right):
         axes.grid(True, alpha=0.25)
     left.legend(fontsize=8)

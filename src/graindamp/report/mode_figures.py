@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -25,7 +24,7 @@ from graindamp.campaign.point import PointResult
 from graindamp.errors import InputError
 from graindamp.field.interpolate import Interpolant
 from graindamp.field.schema import damper_of, places_of
-from graindamp.report.figures import COLORS
+from graindamp.report.figures import COLORS, log_axis
 from graindamp.report.ledger import LOSSES, ledger_of
 from graindamp.report.motion_picture import RARE, Scene, headline, stage_of, velocity_amplitude_of, view_of
 from graindamp.signals.motion_modes import NAMES, MotionMode
@@ -93,9 +92,7 @@ def mode_map(
         axes.set(xscale="log", yscale="log", xlim=(f.min(), f.max()), ylim=(gamma.min(), gamma.max()))
         axes.set_ylabel("excitation intensity Γ = A/g [-]")
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(NullFormatter())
+            log_axis(axis)
     lower.set_xlabel("frequency f [Hz]")
     if len(modes) <= MOST_LETTERS:
         for x, y, mode in zip(f, gamma, modes, strict=True):
@@ -302,6 +299,12 @@ def shares_of_field(field: xr.Dataset) -> LossShares:
     return LossShares(f, gamma, np.where(failed[:, None], np.nan, share))
 
 
+def _taking_part(shares: LossShares) -> list[int]:
+    """Mechanisms that dissipate anything, by number; the largest alone where none is worth showing."""
+    largest = np.max(np.nan_to_num(shares.share), axis=0)
+    return np.flatnonzero(largest > 1e-4).tolist() or [int(np.argmax(largest))]
+
+
 def loss_shares(shares: LossShares, frequencies: Sequence[float] | None = None) -> Figure:
     """Which mechanism dissipates what share over intensity, a panel for each frequency.
 
@@ -316,7 +319,7 @@ def loss_shares(shares: LossShares, frequencies: Sequence[float] | None = None) 
         chosen = np.unique([there[np.argmin(np.abs(np.log(there / f)))] for f in frequencies])
     figure = Figure(figsize=(3.0 * len(chosen) + 0.6, 3.7), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(chosen), sharey=True, squeeze=False)).ravel()
-    used = [k for k in range(len(MECHANISMS)) if np.nanmax(np.nan_to_num(shares.share[:, k])) > 1e-4]
+    used = _taking_part(shares)
     for axes, f in zip(panels, chosen, strict=True):
         rows = np.flatnonzero((shares.frequency == f) & np.isfinite(shares.share).all(axis=1))
         rows = rows[np.argsort(shares.intensity[rows])]
@@ -326,9 +329,7 @@ def loss_shares(shares: LossShares, frequencies: Sequence[float] | None = None) 
         )  # fmt: skip
         axes.set(xscale="log", ylim=(0.0, 100.0), xlabel="intensity Γ [-]")
         axes.set_title(f"{f:.4g} Hz", fontsize=10)
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        log_axis(axes.xaxis)
         axes.tick_params(axis="x", labelsize=8)
         axes.margins(x=0.0)
     panels[0].set_ylabel("share of what is dissipated [%]")
@@ -344,7 +345,7 @@ def loss_share_maps(shares: LossShares, clearance: float | None = None) -> Figur
         shares: at operating points.
         clearance: free travel h [m], for the line X_opt = h / pi.
     """
-    used = [k for k in range(len(MECHANISMS)) if np.nanmax(np.nan_to_num(shares.share[:, k])) > 1e-4]
+    used = _taking_part(shares)
     columns = min(len(used), 2)
     rows = -(-len(used) // columns)
     figure = Figure(figsize=(4.6 * columns + 0.8, 3.4 * rows + 0.2), layout="constrained")
@@ -363,9 +364,7 @@ def loss_share_maps(shares: LossShares, clearance: float | None = None) -> Figur
         )  # fmt: skip
         axes.set(xscale="log", yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(NullFormatter())
+            log_axis(axis)
         axes.tick_params(labelsize=8)
         axes.set_title(LOSSES[MECHANISMS[k]], fontsize=9)
     for axes in panels[len(used) :]:

@@ -54,7 +54,7 @@ def write_page(path: Path, title: str, sections: Sequence[Section], warnings: Se
         body.append(f"<h2>{html.escape(section.title)}</h2>")
         if section.text:
             body.append(f"<p>{html.escape(section.text)}</p>")
-        body += [_table(table) for table in section.tables]
+        body += [table_html(table) for table in section.tables]
         body += [_picture(picture, caption) for picture, caption in section.pictures]
     body.append(f"<h2>Made from</h2><pre>{html.escape(inputs)}</pre><p class='note'>{html.escape(_versions())}</p>")
     page = (
@@ -70,7 +70,8 @@ def write_page(path: Path, title: str, sections: Sequence[Section], warnings: Se
     return path
 
 
-def _table(table: Table) -> str:
+def table_html(table: Table) -> str:
+    """A table with its heading and note."""
     head = "".join(f"<th>{html.escape(column)}</th>" for column in table.columns)
     rows = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
     note = f'<p class="note">{html.escape(table.note)}</p>' if table.note else ""

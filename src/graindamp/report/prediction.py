@@ -13,10 +13,18 @@ from graindamp.couple.predict import DRIVE, OUTPUT, Prediction
 from graindamp.couple.response import respond
 from graindamp.errors import InputError
 from graindamp.field.measured import Measurement
+from graindamp.field.softening import SofteningStudy, study_of
 from graindamp.report import figures
 from graindamp.report.document import measurement_document, prediction_document
 from graindamp.report.page import Section, write_page
-from graindamp.report.tables import Table, damping_table, points_table, resonance_table, study_table
+from graindamp.report.tables import (
+    Table,
+    damping_table,
+    points_table,
+    resonance_table,
+    softening_table,
+    study_table,
+)
 
 _HOW_TO_READ = (
     "A loss factor η of one means that the damper dissipates per radian as much as its whole bed would hold in kinetic "
@@ -82,7 +90,12 @@ def write_prediction(
         }
         name = "field" if len(prediction.dampers) == 1 else f"field-{d + 1}"
         maps.append((picture(name, figures.field_map(field, marks, damper.name)), f"Effective field of {damper.name}."))
-    sections.append(Section("Effective field", _HOW_TO_READ, (), tuple(maps)))
+    studied: dict[str, list[str]] = {}
+    for damper, field in zip(prediction.dampers, prediction.fields, strict=True):
+        if (softening := study_of(field)) is not None:
+            studied.setdefault(softening.dump(), []).append(damper.name)
+    tables = tuple(softening_table(SofteningStudy.load(text), ", ".join(names)) for text, names in studied.items())
+    sections.append(Section("Effective field", _HOW_TO_READ, tables, tuple(maps)))
     sections.append(_damping_section(prediction, picture))
     if prediction.responses:
         grid = prediction.responses[0][0].frequency

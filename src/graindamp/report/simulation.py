@@ -20,6 +20,7 @@ from graindamp.report.run_file import save_run
 from graindamp.report.signal_files import write_signals, write_uff
 from graindamp.report.tables import Table, points_table
 from graindamp.report.wording import plain as digits
+from graindamp.report.wording import softened
 from graindamp.signals.motion_modes import NAMES, ModeVerdict, classify
 from graindamp.signals.power import OperatingPoint
 from graindamp.signals.simulated import (
@@ -93,16 +94,31 @@ class Wanted(NamedTuple):
     vtk: bool = False
 
 
+SETTLING = 0.2
+"""Share of stored energy in what is dissipated above which a bed counts as still settling [-]. A steady bed has a
+percent or less; a fifth is a loss factor that is wrong by as much."""
+
+
 def examine(run: "Run") -> Simulated:
     """Loss factor, effective mass, energies and warnings of a run."""
     point = point_of(run) if run.frequency is not None else OperatingPoint(label_of(run.spec), float("nan"))
     status = status_of(run, point)
     warnings = describe(run.status)
     warnings += [f"{point.label}: {problem.text}" for problem in point.problems]
+    warnings += softened([run.spec.damper.contact.softening])
+    ledger = ledger_of(run, point.n_skipped)
+    if run.frequency is not None and ledger is not None:
+        lost = sum(ledger.losses.values())
+        if -ledger.stored > SETTLING * lost > 0.0:
+            share = f"{-100.0 * ledger.stored / lost:.0f} %"
+            warnings.append(
+                f"the bed still settles: {share} of what was dissipated was stored in it before, no work of the "
+                "container; simulate more cycles"
+            )
     if status & Status.INTERRUPTED:
         text = f"PARTIAL RESULT: the run was stopped after {_length(run)} of {_planned(run.spec)}"
         warnings = [text, *(line for line in warnings if not line.startswith("INTERRUPTED"))]
-    return Simulated(run, point, ledger_of(run, point.n_skipped), status, tuple(warnings))
+    return Simulated(run, point, ledger, status, tuple(warnings))
 
 
 def _length(run: "Run") -> str:
@@ -230,7 +246,7 @@ def draw_all(
     if run.velocity_field is not None:
         inside.insert(0, picture("velocity-field", motion_picture.velocity_figure(run)))
     ledger = (ledger_table(result.ledger),) if result.ledger is not None else ()
-    points = (points_table([point]),) if point.n_cycle else ()
+    points = (points_table([point], [result.status]),) if point.n_cycle else ()
     sections = [
         Section("Result", "", points, tuple(moving)),
         *([Section("Motion mode", "", (mode_table(result.verdict),), tuple(modes))] if modes else []),
@@ -256,7 +272,7 @@ _CAPTIONS = {
 
 def result_table(result: Simulated) -> Table:
     """The operating point and what the run was like, a row each."""
-    return points_table([result.point])
+    return points_table([result.point], [result.status])
 
 
 def mode_table(verdict: ModeVerdict) -> Table:

@@ -10,7 +10,9 @@ import xarray as xr
 from graindamp.couple.equilibrium import Equilibrium
 from graindamp.couple.predict import Prediction, Study
 from graindamp.couple.response import peaks
+from graindamp.field.robustness import Robustness
 from graindamp.field.schema import damper_of
+from graindamp.field.softening import Extrapolation, SofteningStudy
 from graindamp.field.store import table_of
 from graindamp.report.document import status_names
 from graindamp.report.wording import plain, with_error
@@ -119,8 +121,8 @@ def resonance_table(prediction: Prediction) -> Table | None:
     )
 
 
-def points_table(points: Sequence[OperatingPoint]) -> Table:
-    """Every record of a measurement."""
+def points_table(points: Sequence[OperatingPoint], states: Sequence[int] | None = None) -> Table:
+    """Every record of a measurement; `states` of what they come from, where that knows more than the signals."""
     rows = tuple(
         (
             point.label,
@@ -131,9 +133,9 @@ def points_table(points: Sequence[OperatingPoint]) -> Table:
             with_error(1e3 * point.dissipated_energy, float("nan")),
             with_error(point.power, float("nan")),
             f"{point.n_cycle} (-{point.n_skipped})",
-            ", ".join(status_names(point.status)) or "ok",
+            ", ".join(status_names(status)) or "ok",
         )
-        for point in points
+        for point, status in zip(points, states or [point.status for point in points], strict=True)
     )
     return Table(
         "Operating points",
@@ -156,12 +158,20 @@ def points_table(points: Sequence[OperatingPoint]) -> Table:
 def field_table(field: xr.Dataset) -> Table:
     """Every operating point of a field."""
     columns = table_of(field)
+    others = columns.get("loss_factor_other", np.array([np.nan]))
+    second = bool(np.isfinite(others).any())
+
+    def other_cells(row: dict[str, float]) -> tuple[str, ...]:
+        names = ("loss_factor_other", "effective_mass_ratio_other") if second else ()
+        return tuple(with_error(row[name], row.get(f"{name}_se", np.nan)) for name in names)
+
     rows = tuple(
         (
             plain(row["frequency"], 5),
             plain(row["intensity"], 4),
             with_error(row["loss_factor"], row["loss_factor_se"]),
             with_error(row["effective_mass_ratio"], row["effective_mass_ratio_se"]),
+            *other_cells(row),
             plain(1e3 * row["dissipated_energy"], 4),
             plain(row["power"], 4),
             ", ".join(status_names(int(row["status"]))) or "ok",
@@ -171,9 +181,70 @@ def field_table(field: xr.Dataset) -> Table:
     damper = damper_of(field)
     return Table(
         f"{damper.get('name', 'effective field')}: bed mass {1e3 * field.attrs['bed_mass']:.5g} g",
-        ("f [Hz]", "Γ [-]", "η [-]", "m′ [-]", "energy [mJ/cycle]", "power [W]", "status"),
+        (
+            *("f [Hz]", "Γ [-]", "η [-]", "m′ [-]"),
+            *(("other η [-]", "other m′ [-]") if second else ()),
+            *("energy [mJ/cycle]", "power [W]", "status"),
+        ),
         rows,
-        f"{field.attrs.get('source', '')}. ± is one standard error.",
+        f"{field.attrs.get('source', '')}. ± is one standard error{_of_one_bed(field)}."
+        + (" Other: the second answer of a point that depends on where the bed started." if second else ""),
+    )
+
+
+def _of_one_bed(field: xr.Dataset) -> str:
+    """What errors of a simulated field do not tell."""
+    if field.attrs.get("source") != "simulated" or field.attrs.get("seeds") != 1:
+        return ""
+    return " within the run of one bed; other beds differ by more (seeds = 3 in the description tells by how much)"
+
+
+def robustness_table(found: Robustness) -> Table:
+    """How good a field stays over its range."""
+    (f_low, f_high), (g_low, g_high) = found.frequency_range, found.intensity_range
+    rows = (
+        (f"share of the range with η ≥ {found.level:g} [%]", with_error(*found.share, scale=100)),
+        ("least η [-]", with_error(*found.worst)),
+        ("steepest |d ln η / d ln X| below X_opt [-]", with_error(*found.steepest)),
+        ("mean |d ln η / d ln X| below X_opt [-]", with_error(*found.steepness)),
+    )
+    covered = "" if found.covered > 0.999 else f" The field knows about {100 * found.covered:.0f} % of the range."
+    return Table(
+        f"Robustness over {f_low:g} to {f_high:g} Hz, {g_low:g} to {g_high:g} g",
+        ("measure", "value"),
+        rows,
+        f"Shares by area over ln f and ln Γ. ± is one standard error.{covered}",
+    )
+
+
+def softening_table(study: SofteningStudy, dampers: str = "") -> Table:
+    """What the softening of its contacts does to a field, point by point; names of its dampers for the heading."""
+    at = ", ".join(f"{factor:g}" for factor in study.factors)
+
+    def cells(part: Extrapolation, fits: bool | None) -> tuple[str, ...]:
+        found = ", ".join(plain(value) for value in part.value.tolist())
+        if fits is False:
+            return found, "–", "–"
+        return found, with_error(part.described, part.described_se), with_error(part.error, part.error_se)
+
+    rows = tuple(
+        (
+            plain(one.frequency, 5),
+            plain(one.intensity, 4),
+            *cells(one.loss_factor, fits),
+            *cells(one.effective_mass_ratio, fits),
+            {True: "yes", False: "no", None: "–"}[fits],
+            f"{100 * error:.0f}",
+        )
+        for one, fits, error in zip(study.points, study.are_straight, study.relative_errors, strict=True)
+    )
+    told = tuple(f"{name} {what}" for name in ("η", "m′") for what in (f"at {at}", "at 1, by line", "error"))
+    return Table(
+        f"What softening {study.chosen:g} does to the field" + (f" of {dampers}" if dampers else ""),
+        ("f [Hz]", "Γ [-]", *(f"{name} [-]" for name in told), "line fits", "error [% of η]"),
+        rows,
+        f"Line: straight in softening^{study.power:g}. Error: at softening {study.chosen:g} against 1; the last column "
+        "has the larger one of η and m′, and where no line fits, the largest difference. ± is one standard error.",
     )
 
 

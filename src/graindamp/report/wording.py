@@ -1,6 +1,7 @@
 """Numbers as people read them."""
 
 import math
+from collections.abc import Iterable
 
 
 def with_error(value: float, error: float, unit: str = "", scale: float = 1.0) -> str:
@@ -30,3 +31,9 @@ def plain(value: float, digits: int = 3, unit: str = "") -> str:
         return "no limit"
     value = 0.0 if abs(value) < 1e-14 else value  # rounding of a closed form
     return f"{value:.{digits}g}{' ' + unit if unit else ''}"
+
+
+def softened(factors: Iterable[float]) -> list[str]:
+    """What to say of a run whose contacts are softened by these factors; nothing of stiff ones."""
+    told = ", ".join(f"{factor:g}" for factor in sorted({*factors} - {1.0}))
+    return [f"contacts softened by {told}: a run with softening = 1 tells what that does"] if told else []

@@ -85,12 +85,21 @@ def parse_spec(data: Mapping[str, Any], kind: type[AnySpec], where: str) -> AnyS
 
 
 def explain(error: ValidationError, kind: type[Spec], where: str) -> str:
-    """One message for all that is wrong in a description, a line per key."""
-    return "\n".join(_explain_one(detail, kind, where) for detail in error.errors(include_url=False))
+    """One message for all that is wrong in a description, a line per key.
+
+    What is told of a list or table as a whole is left out where something in it is told: it is that no other form
+    would have fitted either, or that without the wrong entry too few are left.
+    """
+    details = [(detail, *_locate(kind, detail["loc"])) for detail in error.errors(include_url=False)]
+    inner = {key for _, key, _ in details}
+    return "\n".join(
+        _explain_one(detail, key, help_text, where)
+        for detail, key, help_text in details
+        if not any(other.startswith((f"{key}[", f"{key}.")) for other in inner if key)
+    )
 
 
-def _explain_one(detail: ErrorDetails, kind: type[Spec], where: str) -> str:
-    key, help_text = _locate(kind, detail["loc"])
+def _explain_one(detail: ErrorDetails, key: str, help_text: str, where: str) -> str:
     place = f"{where}: {key}" if key else where
     message = detail["msg"].removeprefix("Value error, ")
     if detail["type"] in ("model_type", "model_attributes_type"):

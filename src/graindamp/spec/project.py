@@ -86,6 +86,12 @@ class DriveSpec(Spec):
     force: Force | tuple[Force, ...]
     """Force amplitude (peak) [N], > 0, or a list of them."""
 
+    @model_validator(mode="after")
+    def _has_a_force(self) -> Self:
+        if self.force == ():
+            raise ValueError("force is an empty list; at least one force is needed, such as '1 N'")
+        return self
+
     @property
     def forces(self) -> tuple[float, ...]:
         """Force amplitudes in ascending order [N]."""

@@ -1,5 +1,6 @@
 """Any signal file to records: the reader is chosen by what the file is, then by what it is called."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from graindamp.errors import InputError
@@ -49,6 +50,20 @@ def read_records(path: str | Path, channels: ChannelsSpec = _NAMES_TELL, *, is_e
 
         records = read_uff(path, channels)
     return [record._replace(is_empty=record.is_empty or is_empty) for record in records]
+
+
+def once(names: Sequence[str], folder: str | Path = ".") -> None:
+    """Pass files that are all different; a record that counts twice would make errors too small.
+
+    Raises:
+        InputError: naming the file that is given twice.
+    """
+    seen: set[Path] = set()
+    for name in names:
+        path = (Path(folder) / name).resolve()
+        if path in seen:
+            raise InputError(f"{name}: is given twice; each record counts once")
+        seen.add(path)
 
 
 def _format_of(path: Path) -> str:
