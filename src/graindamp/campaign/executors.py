@@ -293,7 +293,7 @@ def _need_dask() -> None:
 
 
 ANY_PORT = "127.0.0.1:0"
-"""Where a scheduler shows how it is; with a fixed port the second campaign of a machine would be told that it is taken."""
+"""Where a scheduler shows how it is: with a fixed port a machine's second campaign would be warned that it is taken."""
 
 
 def _local(n_worker: int) -> Dask:
