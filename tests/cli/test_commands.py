@@ -300,7 +300,7 @@ def test_demo(tmp_path, monkeypatch):
     assert len(document["modes"]) == 12
     simulation = document["simulation"]
     assert simulation["points"] == 18
-    assert simulation["computed"] == 18 + 1  # a corner of the plan with stiffer contacts, for the study
+    assert simulation["computed"] == 18 + 1 + 2  # a corner of the plan with stiffer contacts, and with other beds
     assert any("contacts softened by 100: " in warning for warning in document["warnings"])
     assert (tmp_path / "motion.gif").read_bytes()[:6] == b"GIF89a"
     page = (tmp_path / "report.html").read_text()

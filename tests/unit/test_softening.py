@@ -6,9 +6,10 @@ from field_made import field_document
 from fields_made import random_field
 from graindamp.campaign.softening import evaluate, extrapolate, softened, study_tasks
 from graindamp.errors import InputError
-from graindamp.field.softening import SofteningStudy, StudiedPoint, remarks_on, study_of
+from graindamp.field.remarks import remarks_on
+from graindamp.field.softening import SofteningStudy, StudiedPoint, study_of
 from graindamp.field.store import read_field, write_field
-from graindamp.report.tables import softening_table
+from graindamp.report.study_tables import softening_table
 from graindamp.spec.field import FieldSpec
 
 FACTORS = np.array([1.0, 10.0, 100.0])

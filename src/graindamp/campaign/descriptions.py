@@ -3,7 +3,7 @@
 import hashlib
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from graindamp.campaign.backends import CPU, checked
 from graindamp.campaign.point_file import write_whole
@@ -93,6 +93,7 @@ def _load(path: Path) -> StoredField:
 
 def _meaning(field: StoredField) -> str:
     """All of a description that changes results."""
-    told = field.spec.model_dump(mode="json", exclude={"title": True, "damper": {"name"}, "softening_study": True})
+    aside: dict[str, Any] = {"title": True, "damper": {"name": True}, "softening_study": True, "bed_study": True}
+    told = field.spec.model_dump(mode="json", exclude=aside)
     batch = field.batch if field.spec.plan.kind == "adaptive" else 0
     return json.dumps([told, batch, field.backend], sort_keys=True)

@@ -1,6 +1,6 @@
 """A field by simulation: from its description, over the runs of all its points, to the effective field."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,6 +10,7 @@ import xarray as xr
 from graindamp.campaign import work
 from graindamp.campaign.adaptive import AdaptiveSource, run_adaptive, tasks_at
 from graindamp.campaign.backends import CPU
+from graindamp.campaign.beds import bed_tasks, compare
 from graindamp.campaign.consolidate import Answer, Place, field_of
 from graindamp.campaign.descriptions import BATCH, StoredField, known_field, save_field
 from graindamp.campaign.executors import Executor
@@ -20,6 +21,7 @@ from graindamp.campaign.softening import evaluate, study_tasks
 from graindamp.campaign.store import Store
 from graindamp.campaign.work import Measure
 from graindamp.errors import InputError
+from graindamp.field.beds import widened
 from graindamp.field.schema import GRID as GRID_DIMENSIONS
 from graindamp.field.schema import damper_of, places_of
 from graindamp.spec.field import AdaptivePlan, FieldSpec, GridPlan, logarithmic
@@ -97,9 +99,7 @@ def run_field(
         if isinstance(spec.plan, AdaptivePlan):
             field = run_adaptive(field, runner, source)
         outcome = _outcome(field, runner)
-        if spec.softening_study is not None:
-            outcome = _studied(outcome, field, runner, watch)
-        return outcome
+        return _studied(outcome, field, runner, watch)
     except BaseException:
         store.release()
         raise
@@ -142,7 +142,7 @@ def field_in_store(field: StoredField, store: Store) -> FieldRun:
     predicted, verdict = _predicted(field.spec, points)
     warnings = tuple(store.warnings)
     run = FieldRun(predicted, points, len(tasks), 0, tuple(failures), warnings, _lost(answers), verdict)
-    return run if field.spec.softening_study is None else _with_study(run, field, fetch)
+    return _with_studies(run, field, lambda _: fetch)
 
 
 def rest_tasks(field: StoredField) -> list[PointTask]:
@@ -204,7 +204,7 @@ def _predicted(spec: FieldSpec, points: xr.Dataset) -> tuple[xr.Dataset, "Verdic
 
 
 def _studied(run: FieldRun, field: StoredField, runner: Runner, watch: Watch | None) -> FieldRun:
-    """The same with the study of its softening, whose points are no part of the map."""
+    """The same with its studies, whose points are no part of the map."""
     places = runner.outlook().places
     aside = Runner(
         runner.store,
@@ -212,32 +212,61 @@ def _studied(run: FieldRun, field: StoredField, runner: Runner, watch: Watch | N
         runner.how,
         None if watch is None else lambda outlook: watch(outlook._replace(places=places)),
     )
-    aside.stage = "softening study"
-    run = _with_study(run, field, aside.run)
+
+    def fetch_for(stage: str) -> Fetch:
+        aside.stage = stage
+        return aside.run
+
+    run = _with_studies(run, field, fetch_for)
     failures = (*run.failures, *reasons(aside.failures))
     n_point, n_computed = runner.n_point + aside.n_point, runner.n_computed + aside.n_computed
     return run._replace(n_point=n_point, n_computed=n_computed, failures=failures)
 
 
-def _with_study(run: FieldRun, field: StoredField, fetch: Fetch) -> FieldRun:
-    """The same with the study among the attributes of the field, or a warning where results are missing."""
-    tasks = [task for row in study_tasks(field.spec, field.where, field.backend) for task in row]
-    results = fetch(tasks)
-    missing = sum(task.key not in results for task in tasks)
-    if missing:
-        text = f"softening study: {missing} of {len(tasks)} runs are missing; it is left out of the field"
-        return run._replace(warnings=(*run.warnings, text))
-    study = evaluate(field.spec, lambda task: results[task.key], field.where, field.backend)
-    assert field.spec.softening_study is not None
-    asked = len(field.spec.softening_study.points)
-    if len(study.points) < asked:
-        lost = f"{asked - len(study.points)} of {asked} points"
-        text = f"softening study: {lost} left out, which have no values at two softenings"
-        run = run._replace(warnings=(*run.warnings, text))
-    if study.points:
-        for dataset in (run.field, run.points):
-            dataset.attrs["softening_study"] = study.dump()
+def _with_studies(run: FieldRun, field: StoredField, fetch_for: Callable[[str], Fetch]) -> FieldRun:
+    """The same with the studies that are asked for, or a warning where results are missing."""
+    spec, where, backend = field.spec, field.where, field.backend
+    if spec.softening_study is not None:
+        run, results = _looked_up(run, "softening study", study_tasks(spec, where, backend), fetch_for)
+        if results is not None:
+            study = evaluate(spec, lambda task: results[task.key], where, backend)
+            lost = len(spec.softening_study.points) - len(study.points)
+            run = _without(run, "softening study", lost, len(spec.softening_study.points), "at two softenings")
+            if study.points:
+                for dataset in (run.field, run.points):
+                    dataset.attrs["softening_study"] = study.dump()
+    if spec.bed_study is not None:
+        run, found = _looked_up(run, "bed study", bed_tasks(spec, where, backend), fetch_for)
+        if found is not None:
+            beds = compare(spec, lambda task: found[task.key], where, backend)
+            lost = len(spec.bed_study.points) - len(beds.points)
+            run = _without(run, "bed study", lost, len(spec.bed_study.points), "of two beds")
+            if beds.points:
+                wide = widened(run.points, beds, spec.seeds)
+                whole = wide if run.field is run.points else widened(run.field, beds, spec.seeds)
+                run = run._replace(field=whole, points=wide)
     return run
+
+
+def _looked_up(
+    run: FieldRun, name: str, tasks: Sequence[Sequence[PointTask]], fetch_for: Callable[[str], Fetch]
+) -> tuple[FieldRun, Mapping[str, PointResult] | None]:
+    """Results of the tasks of a study; None and a warning where some are missing."""
+    asked = [task for row in tasks for task in row]
+    results = fetch_for(name)(asked)
+    missing = sum(task.key not in results for task in asked)
+    if not missing:
+        return run, results
+    text = f"{name}: {missing} of {len(asked)} runs are missing; it is left out of the field"
+    return run._replace(warnings=(*run.warnings, text)), None
+
+
+def _without(run: FieldRun, name: str, lost: int, asked: int, needed: str) -> FieldRun:
+    """The same with a warning if points of a study had to be left out."""
+    if not lost:
+        return run
+    text = f"{name}: {lost} of {asked} points left out, which have no values {needed}"
+    return run._replace(warnings=(*run.warnings, text))
 
 
 def _answers(field: StoredField, fetch: Fetch, runner: Runner | None = None) -> dict[Place, list[Answer]]:

@@ -123,12 +123,12 @@ def _run_one(store: "Store", crew: "Executor", field: "StoredField", target: Pat
     """Run one field, write it, and say so."""
     from graindamp.campaign.adaptive import batch_for
     from graindamp.campaign.run import run_field
-    from graindamp.field.softening import remarks_on, study_of
+    from graindamp.field.remarks import remarks_on
     from graindamp.report.console import show
     from graindamp.report.field_pictures import write_pictures
     from graindamp.report.field_progress import FieldProgress
     from graindamp.report.field_run import run_document, warnings_of, write_run
-    from graindamp.report.tables import softening_table
+    from graindamp.report.study_tables import tables_of
 
     with FieldProgress(target, field.spec.title, quiet=as_json) as progress:
         run = run_field(
@@ -141,8 +141,7 @@ def _run_one(store: "Store", crew: "Executor", field: "StoredField", target: Pat
             backend=field.backend,
         )
         points = write_run(run, target)
-        study = study_of(run.points)
-        tables = () if study is None else (softening_table(study),)
+        tables = tables_of(run.points)
         known = None if points is None else run.points
         pictures = write_pictures(run.field, target.with_suffix(""), known)
         progress.conclude(remarks_on(run.points), tables, pictures)

@@ -23,8 +23,8 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """What a field holds: table, map, motion modes and losses as pictures, robustness."""
+    from graindamp.field.remarks import remarks_on
     from graindamp.field.robustness import robustness
-    from graindamp.field.softening import remarks_on, study_of
     from graindamp.field.store import read_field, write_field
     from graindamp.report.document import field_document, robustness_document
 
@@ -53,12 +53,13 @@ def show(
         print_json(field_document(data) | ({} if found is None else {"robustness": robustness_document(found)}))
         return
     from graindamp.report.console import show as show_table
-    from graindamp.report.tables import field_table, robustness_table, softening_table
+    from graindamp.report.study_tables import tables_of
+    from graindamp.report.tables import field_table, robustness_table
 
     show_table(field_table(data))
     warn(remarks_on(data))
-    if (study := study_of(data)) is not None:
-        show_table(softening_table(study))
+    for table in tables_of(data):
+        show_table(table)
     if found is not None:
         show_table(robustness_table(found))
     for name, path in written.items():

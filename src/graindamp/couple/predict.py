@@ -16,7 +16,7 @@ from graindamp.couple.single_mode import load_mode
 from graindamp.errors import InputError
 from graindamp.field.ideal import ideal_field
 from graindamp.field.interpolate import Interpolant
-from graindamp.field.softening import remarks_on
+from graindamp.field.remarks import remarks_on
 from graindamp.field.store import read_field
 from graindamp.spec.project import AttachedSpec, IdealFieldSpec, ProjectSpec
 from graindamp.spec.structure import BeamSpec, PointMassSpec

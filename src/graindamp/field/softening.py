@@ -216,7 +216,7 @@ def study_of(field: xr.Dataset, where: str = "field") -> SofteningStudy | None:
         raise InputError(f"{where}: softening_study is not what a campaign wrote ({error}); take it out") from None
 
 
-def remarks_on(field: xr.Dataset) -> tuple[str, ...]:
+def softening_remarks(field: xr.Dataset) -> tuple[str, ...]:
     """What a reader must be told of the softening of a field's contacts, a sentence each; none if they are stiff."""
     softening, study = softening_of(field), study_of(field)
     if softening <= 1.0:

@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from graindamp.errors import InputError
+from graindamp.field.beds import bed_study_of
 from graindamp.field.schema import TABLE, check, damper_of, make_field, places_of
 from graindamp.field.softening import softening_of, study_of
 from graindamp.signals.motion_modes import MotionMode
@@ -20,7 +21,7 @@ from graindamp.units import STANDARD_GRAVITY, to_si
 
 SUFFIXES = (".nc", ".csv")
 
-_KEPT = ("graindamp_version", "seeds", "softening", "softening_study", "backend", "precision")
+_KEPT = ("graindamp_version", "seeds", "softening", "softening_study", "bed_study", "backend", "precision")
 """Attributes of a simulated field that a CSV keeps in its head."""
 
 _TEXTS = ("name", "description")
@@ -85,7 +86,7 @@ def read_field(path: str | Path, bed_mass: float | None = None) -> xr.Dataset:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; a field is a {' or '.join(SUFFIXES)} file")
     if path.suffix == ".csv":
-        return _softening_checked(_from_csv(path, bed_mass), path)
+        return _studies_checked(_from_csv(path, bed_mass), path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of other kinds of HDF5 files, which are refused below
@@ -95,13 +96,14 @@ def read_field(path: str | Path, bed_mass: float | None = None) -> xr.Dataset:
         raise InputError(f"{path}: not a readable netCDF-4 file ({error})") from None
     check(field, where=str(path))
     field.attrs["bed_mass"] = float(field.attrs["bed_mass"])
-    return _softening_checked(field, path)
+    return _studies_checked(field, path)
 
 
-def _softening_checked(field: xr.Dataset, path: Path) -> xr.Dataset:
-    """The same; what it tells of its softening can be read, or else there is an InputError that names the file."""
+def _studies_checked(field: xr.Dataset, path: Path) -> xr.Dataset:
+    """The same; what it tells of its softening and beds can be read, or an InputError names the file."""
     softening_of(field, str(path))
     study_of(field, str(path))
+    bed_study_of(field, str(path))
     return field
 
 

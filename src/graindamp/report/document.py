@@ -10,10 +10,11 @@ import graindamp
 from graindamp.couple.equilibrium import Equilibrium, ModeResult
 from graindamp.couple.predict import ModePrediction, Prediction, Study
 from graindamp.couple.response import Response, peaks
+from graindamp.field.beds import bed_remarks, bed_study_of
 from graindamp.field.measured import Measurement
 from graindamp.field.robustness import Measured, Robustness
 from graindamp.field.schema import COORDINATES, TABLE, damper_of, is_grid
-from graindamp.field.softening import remarks_on, softening_of, study_of
+from graindamp.field.softening import softening_of, softening_remarks, study_of
 from graindamp.field.store import table_of
 from graindamp.report.plain import plain
 from graindamp.signals.equivalent import equivalent
@@ -40,6 +41,7 @@ def field_document(field: xr.Dataset) -> dict[str, Any]:
             "frequency_range": [field[COORDINATES[0]].min().item(), field[COORDINATES[0]].max().item()],
             "intensity_range": [field[COORDINATES[1]].min().item(), field[COORDINATES[1]].max().item()],
             "softening": softening_document(field),
+            "beds": bed_document(field),
             "points": rows,
         }
     )
@@ -61,11 +63,37 @@ def robustness_document(found: Robustness) -> dict[str, Any]:
 def softening_document(field: xr.Dataset) -> dict[str, Any]:
     """How far the contacts of a field were softened, what that does by its study, and what to know about it."""
     study = study_of(field)
-    document: dict[str, Any] = {"softening": softening_of(field), "remarks": list(remarks_on(field)), "study": None}
+    document: dict[str, Any] = {
+        "softening": softening_of(field),
+        "remarks": list(softening_remarks(field)),
+        "study": None,
+    }
     if study is not None:
         told = json.loads(study.dump())
         checked = zip(told["points"], study.are_straight, study.relative_errors.tolist(), strict=True)
         told["points"] = [one | {"line_fits": fits, "relative_error": error} for one, fits, error in checked]
+        document["study"] = told
+    return document
+
+
+def bed_document(field: xr.Dataset) -> dict[str, Any]:
+    """How much beds of the field's description differ by its study, and what to know about it."""
+    study = bed_study_of(field)
+    document: dict[str, Any] = {"remarks": list(bed_remarks(field)), "study": None}
+    if study is not None:
+        told = json.loads(study.dump())
+        parted = zip(told["points"], study.are_parted, strict=True)
+        told["points"] = [one | {"beds_part": is_parted} for one, is_parted in parted]
+        pooled = study.pooled
+        names = ("loss_factor", "effective_mass_ratio")
+        told["scatter"] = (
+            None
+            if pooled is None
+            else {
+                name: {"value": part.value, "standard_error": part.error}
+                for name, part in zip(names, pooled, strict=True)
+            }
+        )
         document["study"] = told
     return document
 
@@ -133,6 +161,7 @@ def prediction_document(prediction: Prediction) -> dict[str, Any]:
                     "bed_mass": damper.bed_mass,
                     "source": field.attrs.get("source", ""),
                     "softening": softening_document(field),
+                    "beds": bed_document(field),
                 }
                 for damper, field in zip(prediction.dampers, prediction.fields, strict=True)
             ],

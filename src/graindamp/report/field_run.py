@@ -10,9 +10,9 @@ import xarray as xr
 from graindamp.campaign.run import FieldRun
 from graindamp.campaign.store import Store
 from graindamp.errors import InputError
-from graindamp.field.softening import remarks_on
+from graindamp.field.remarks import remarks_on
 from graindamp.field.store import SUFFIXES, write_field
-from graindamp.report.document import softening_document
+from graindamp.report.document import bed_document, softening_document
 from graindamp.status import FATAL, REMEDY, Status
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def run_document(run: FieldRun, target: Path, store: Store) -> dict[str, Any]:
         "backend": run.points.attrs["backend"],
         "precision": run.points.attrs["precision"],
         "softening": softening_document(run.points),
+        "beds": bed_document(run.points),
         "particle_steps": float(run.points["particle_steps"].sum()),
         "accuracy": None if run.verdict is None else run.verdict._asdict(),
         "status": _counts(run.points),

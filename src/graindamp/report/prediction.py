@@ -13,16 +13,15 @@ from graindamp.couple.predict import DRIVE, OUTPUT, Prediction
 from graindamp.couple.response import respond
 from graindamp.errors import InputError
 from graindamp.field.measured import Measurement
-from graindamp.field.softening import SofteningStudy, study_of
 from graindamp.report import figures
 from graindamp.report.document import measurement_document, prediction_document
 from graindamp.report.page import Section, write_page
+from graindamp.report.study_tables import tables_of
 from graindamp.report.tables import (
     Table,
     damping_table,
     points_table,
     resonance_table,
-    softening_table,
     study_table,
 )
 
@@ -90,11 +89,15 @@ def write_prediction(
         }
         name = "field" if len(prediction.dampers) == 1 else f"field-{d + 1}"
         maps.append((picture(name, figures.field_map(field, marks, damper.name)), f"Effective field of {damper.name}."))
-    studied: dict[str, list[str]] = {}
-    for damper, field in zip(prediction.dampers, prediction.fields, strict=True):
-        if (softening := study_of(field)) is not None:
-            studied.setdefault(softening.dump(), []).append(damper.name)
-    tables = tuple(softening_table(SofteningStudy.load(text), ", ".join(names)) for text, names in studied.items())
+    alike: dict[tuple[str | None, ...], list[int]] = {}
+    for d, field in enumerate(prediction.fields):
+        studies = tuple(field.attrs.get(name) for name in ("softening_study", "bed_study"))
+        alike.setdefault(studies, []).append(d)
+    tables = tuple(
+        table
+        for which in alike.values()
+        for table in tables_of(prediction.fields[which[0]], ", ".join(prediction.dampers[d].name for d in which))
+    )
     sections.append(Section("Effective field", _HOW_TO_READ, tables, tuple(maps)))
     sections.append(_damping_section(prediction, picture))
     if prediction.responses:

@@ -12,7 +12,6 @@ from graindamp.couple.predict import Prediction, Study
 from graindamp.couple.response import peaks
 from graindamp.field.robustness import Robustness
 from graindamp.field.schema import damper_of
-from graindamp.field.softening import Extrapolation, SofteningStudy
 from graindamp.field.store import table_of
 from graindamp.report.document import status_names
 from graindamp.report.wording import plain, with_error
@@ -193,10 +192,12 @@ def field_table(field: xr.Dataset) -> Table:
 
 
 def _of_one_bed(field: xr.Dataset) -> str:
-    """What errors of a simulated field do not tell."""
-    if field.attrs.get("source") != "simulated" or field.attrs.get("seeds") != 1:
+    """What errors of a simulated field tell of other beds."""
+    if field.attrs.get("source") != "simulated":
         return ""
-    return " within the run of one bed; other beds differ by more (seeds = 3 in the description tells by how much)"
+    if "bed_study" in field.attrs:
+        return ", the scatter of beds included"
+    return " within the run of one bed; other beds differ by more" if field.attrs.get("seeds") == 1 else ""
 
 
 def robustness_table(found: Robustness) -> Table:
@@ -214,37 +215,6 @@ def robustness_table(found: Robustness) -> Table:
         ("measure", "value"),
         rows,
         f"Shares by area over ln f and ln Γ. ± is one standard error.{covered}",
-    )
-
-
-def softening_table(study: SofteningStudy, dampers: str = "") -> Table:
-    """What the softening of its contacts does to a field, point by point; names of its dampers for the heading."""
-    at = ", ".join(f"{factor:g}" for factor in study.factors)
-
-    def cells(part: Extrapolation, fits: bool | None) -> tuple[str, ...]:
-        found = ", ".join(plain(value) for value in part.value.tolist())
-        if fits is False:
-            return found, "–", "–"
-        return found, with_error(part.described, part.described_se), with_error(part.error, part.error_se)
-
-    rows = tuple(
-        (
-            plain(one.frequency, 5),
-            plain(one.intensity, 4),
-            *cells(one.loss_factor, fits),
-            *cells(one.effective_mass_ratio, fits),
-            {True: "yes", False: "no", None: "–"}[fits],
-            f"{100 * error:.0f}",
-        )
-        for one, fits, error in zip(study.points, study.are_straight, study.relative_errors, strict=True)
-    )
-    told = tuple(f"{name} {what}" for name in ("η", "m′") for what in (f"at {at}", "at 1, by line", "error"))
-    return Table(
-        f"What softening {study.chosen:g} does to the field" + (f" of {dampers}" if dampers else ""),
-        ("f [Hz]", "Γ [-]", *(f"{name} [-]" for name in told), "line fits", "error [% of η]"),
-        rows,
-        f"Line: straight in softening^{study.power:g}. Error: at softening {study.chosen:g} against 1; the last column "
-        "has the larger one of η and m′, and where no line fits, the largest difference. ± is one standard error.",
     )
 
 

@@ -183,6 +183,16 @@ class SofteningSpec(Spec):
         return self
 
 
+class BedSpec(Spec):
+    """A few points with several beds, which say how much the field would differ with another bed."""
+
+    points: tuple[tuple[Frequency, Intensity], ...] = Field(min_length=1, max_length=100)
+    """Frequency and intensity of each point, such as [["100 Hz", 20], ["500 Hz", 3]]; choose one for each kind of
+    motion, away from where a bounce may be lost."""
+    seeds: int = Field(default=3, ge=2, le=100)
+    """Beds of the same description that every point is simulated with, 2 to 100."""
+
+
 def _plan(value: Any) -> Any:
     """A plan without a kind is a grid."""
     return {"kind": "grid"} | value if isinstance(value, dict) and "kind" not in value else value
@@ -211,6 +221,9 @@ class FieldSpec(Spec):
     as well; points that answer differently are marked and keep both values. For plans of kind = "grid"."""
     softening_study: SofteningSpec | None = None
     """What damper.contact.softening does to the field: a few points at several stiffnesses; default: not studied."""
+    bed_study: BedSpec | None = None
+    """How much other beds of the same description would differ, which enters the errors of the field: a few points with
+    several beds; default: not studied."""
     steps_per_contact: int = Field(default=40, ge=10, le=1000)
     """Time steps per shortest contact, 10 to 1000."""
 
