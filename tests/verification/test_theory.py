@@ -18,6 +18,7 @@ from graindamp.field.theory import (
     stroke_ratio_max,
     stroke_ratio_min,
     stroke_ratio_stable_max,
+    subharmonic_collide,
 )
 
 CYCLE = 2.0 * pi
@@ -135,6 +136,28 @@ def test_plastic_branch_is_what_a_simulated_bed_does(stroke_ratio):
     point = collect_and_collide(stroke_ratio)
     assert point.branch == "plastic"
     assert (*bed.effective_mass(), bed.dissipated()) == pytest.approx((*point[:2], point.loss_factor), abs=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("stroke_ratio", "half_cycles"), [(0.34, 3), (0.4, 3), (0.45, 3), (0.49, 3), (0.21, 5), (0.24, 5), (0.16, 7)]
+)
+def test_subharmonic_branches_are_what_a_simulated_bed_does(stroke_ratio, half_cycles):
+    bed = bounce(stroke_ratio, 0.0, n_transient=20 * half_cycles, n_cycle=2 * half_cycles)
+    point = subharmonic_collide(stroke_ratio, half_cycles)
+    assert point.branch == f"plastic-{half_cycles}"
+    assert (*bed.effective_mass(), bed.dissipated()) == pytest.approx((*point[:2], point.loss_factor), abs=EXACT)
+
+
+def test_ends_of_the_subharmonic_branches():
+    """At one end impacts of greatest speed, as seldom as they are; at the other a bed that is caught without impact."""
+    for n in (3, 5):
+        best, gentle = subharmonic_collide(1 / n, n), subharmonic_collide(1 / (n - 1), n)
+        assert best.loss_factor == pytest.approx(4 / (n * pi), rel=1e-12)
+        assert best.effective_mass_ratio == pytest.approx(0.0, abs=1e-9)
+        assert gentle.loss_factor == pytest.approx(0.0, abs=1e-12)
+        assert gentle.effective_mass_ratio == pytest.approx(1 / n, rel=1e-6)  # a triple root
+        assert not subharmonic_collide(1 / n - 1e-9, n).exists
+        assert not subharmonic_collide(1 / (n - 1) + 1e-9, n).exists
 
 
 @pytest.mark.parametrize(
@@ -397,6 +420,11 @@ def test_average_stands_in_for_a_repetition_that_does_not_come(monkeypatch):
     [
         (lambda: collect_and_collide(0.0), "stroke_ratio is 0.0, but must be a finite number > 0"),
         (lambda: collect_and_collide(float("nan")), "stroke_ratio is nan"),
+        (
+            lambda: subharmonic_collide(0.4, 4),
+            "half_cycles is 4, but must be a finite number that is odd and 3 or more",
+        ),
+        (lambda: subharmonic_collide(-0.4), "stroke_ratio is -0.4"),
         (lambda: collect_and_collide(2.0, 1.0), "restitution is 1.0, but must be a finite number >= 0 and < 1"),
         (lambda: stroke_ratio_min(-0.1), "restitution is -0.1"),
         (lambda: stroke_ratio_max(1.5), "restitution is 1.5"),

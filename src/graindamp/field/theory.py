@@ -63,7 +63,8 @@ def collect_and_collide(stroke_ratio: float, restitution: float = 0.0) -> Theory
 
     It exists from :func:`stroke_ratio_min` to :func:`stroke_ratio_max`, and is stable only below
     :func:`stroke_ratio_stable_max`. Other motions may coexist, such as that of a bed caught without impact at
-    X = X_opt / 2, any R, which repeats after three cycles: eta = 0, m' = 1/3. Above stroke_ratio_max a small R leads to
+    X = X_opt / 2, any R, which repeats after three cycles: eta = 0, m' = 1/3, and for R = 0 those of
+    :func:`subharmonic_collide`. Above stroke_ratio_max a small R leads to
     a burst of impacts and rest; event-driven runs then have the plastic eta of R = 0 within 1 % for R <= 0.1, 3 % for
     R = 0.2, 7 % for R = 0.3.
 
@@ -89,6 +90,35 @@ def collect_and_collide(stroke_ratio: float, restitution: float = 0.0) -> Theory
     psi = acos(stroke_ratio_min(restitution) / stroke_ratio) - atan2(2.0, pi * gain)
     scale = 4.0 * gain / pi * cos(psi)
     return TheoryPoint(scale * cos(psi), scale * sin(psi), True, "symmetric-two-impact")
+
+
+def subharmonic_collide(stroke_ratio: float, half_cycles: int = 3) -> TheoryPoint:
+    """Complex effective mass of a plastic bed that needs several half cycles from wall to wall [-].
+
+    The bed leaves a wall at its greatest speed, strikes the other one at phase phi, (n - 1) pi <= phi <= n pi, and
+    rests there until that wall, n half cycles after the first, has its greatest speed. With phi - sin(phi) = pi / r,
+
+        eta = (1 - cos phi)^2 / (n pi),   m' = (2 / n pi) [(1 - cos phi) sin phi + (n pi - phi + sin phi cos phi) / 2].
+
+    It exists for 1 / n <= r <= 1 / (n - 1), repeats after n cycles, and forgets how it began, as
+    :func:`collect_and_collide` for R = 0, which is n = 1. From r = 1 / n, where eta = 4 / (n pi), eta falls to 0 at
+    1 / (n - 1), where the bed is caught without impact. Between these ranges a body strikes a wall that then draws
+    back, twice in a row or without repetition.
+
+    Args:
+        stroke_ratio: X / X_opt with X_opt = h / pi, h the clearance [-], > 0.
+        half_cycles: n, odd: 3, 5, ...; with an even number bed and container would not be mirrored.
+
+    Raises:
+        InputError: an argument outside its range.
+
+    Source: derived here, as :func:`collect_and_collide` for R = 0.
+    """
+    _check("stroke_ratio", stroke_ratio, stroke_ratio > 0, "> 0")
+    _check("half_cycles", half_cycles, half_cycles >= 3 and half_cycles % 2 == 1, "that is odd and 3 or more")
+    if not 1.0 / half_cycles <= stroke_ratio <= 1.0 / (half_cycles - 1):
+        return TheoryPoint(nan, nan, False, f"plastic-{half_cycles}")
+    return _plastic(stroke_ratio, half_cycles)
 
 
 def stroke_ratio_best(restitution: float = 0.0) -> float:
@@ -274,12 +304,14 @@ def bouncing_bed_vertical(intensity: float) -> TheoryPoint:
     return _point(2.0 * (transfers[-1] - transfers[first]) / (durations[-1] - durations[first]), branch)
 
 
-def _plastic(stroke_ratio: float) -> TheoryPoint:
-    # phi - sin(phi) increases, and exceeds every h / X <= pi at 4.
-    phi = _root(lambda p: p - sin(p) - pi / stroke_ratio, 0.0, 4.0)
+def _plastic(stroke_ratio: float, half_cycles: int = 1) -> TheoryPoint:
+    """Bed that is thrown, and rests, every so many half cycles; its impact comes in the last of them."""
+    period = half_cycles * pi
+    # phi - sin(phi) increases, and exceeds every h / X <= n pi at n pi + 1.
+    phi = _root(lambda p: p - sin(p) - pi / stroke_ratio, 0.0, period + 1.0)
     jump = 1.0 - cos(phi)
-    in_phase = 2.0 / pi * (jump * sin(phi) + (pi - phi + sin(phi) * cos(phi)) / 2.0)
-    return TheoryPoint(jump**2 / pi, in_phase, True, "plastic")
+    in_phase = 2.0 / period * (jump * sin(phi) + (period - phi + sin(phi) * cos(phi)) / 2.0)
+    return TheoryPoint(jump**2 / period, in_phase, True, "plastic" if half_cycles == 1 else f"plastic-{half_cycles}")
 
 
 def _flight(takeoff: float, gravity: float) -> tuple[float, complex]:
