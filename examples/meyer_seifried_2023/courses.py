@@ -127,7 +127,7 @@ def course(
         soft_start: cycles over which the motion grows [-].
         before: intensity and cycles of a run at the same frequency whose end this one starts from; None: rest.
     """
-    whole = _simulation(spec, frequency, intensity, cycles, seed, soft_start)
+    whole = simulation_of(spec, frequency, intensity, cycles, seed, soft_start)
     told = {
         "simulation": whole.model_dump(mode="json", exclude={"title": True, "damper": {"name"}}),
         "lid": None if packing is None else [packing.lid_height, packing.height, float(packing.position.sum())],
@@ -141,7 +141,7 @@ def course(
     bed = pack(whole.damper) if packing is None else packing
     start = None
     if before is not None:
-        earlier = _simulation(spec, frequency, before[0], before[1], seed, soft_start)
+        earlier = simulation_of(spec, frequency, before[0], before[1], seed, soft_start)
         start = simulate(earlier, packing=bed).end
     found = _course_of(simulate(whole, packing=bed, start=start), label, frequency, intensity, seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -151,9 +151,10 @@ def course(
     return found
 
 
-def _simulation(
-    spec: FieldSpec, frequency: float, intensity: float, cycles: int, seed: int, soft_start: float
+def simulation_of(
+    spec: FieldSpec, frequency: float, intensity: float, cycles: int, seed: int, soft_start: float = 0.0
 ) -> SimulationSpec:
+    """Description of a run from rest; see :func:`course`."""
     part = spec.at(frequency, intensity, seed)
     motion = part.motion.model_copy(update={"soft_start": soft_start})
     return part.model_copy(update={"motion": motion, "run": part.run.model_copy(update={"cycles": float(cycles)})})

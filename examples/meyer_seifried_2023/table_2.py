@@ -48,11 +48,13 @@ def runs(
 
 def line_of(one: Course) -> str:
     """A line of the table for one bed."""
+    whole = float(np.mean(one.cycle_loss_factor[:PAPER_CYCLES]))
     early = float(np.mean(one.cycle_loss_factor[WINDOW:PAPER_CYCLES]))
     return (
         f"{one.label:12s} Gamma {one.intensity:2.0f} bed {one.seed}: eta {one.loss_factor:6.3f} +- "
         f"{one.loss_factor_se:5.3f}{'' if one.is_steady else ' (drifts)'} after {one.n_skipped} of "
-        f"{len(one.cycle_loss_factor)} cycles, {early:5.3f} over cycles {WINDOW} to {PAPER_CYCLES}; "
+        f"{len(one.cycle_loss_factor)} cycles, {early:5.3f} over cycles {WINDOW} to {PAPER_CYCLES}, "
+        f"{whole:5.3f} over the first {PAPER_CYCLES}; "
         f"held {one.held}; solid fraction {one.solid_fraction:.3f}, clearance {1e3 * one.clearance:.2f} mm, "
         f"travel {1e3 * one.travel:.2f} mm"
     )

@@ -185,6 +185,7 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     import stiff
     import table_2
     import table_4
+    import third
     import velocity
 
     out = tmp_path / "out"
@@ -194,6 +195,10 @@ def test_scripts_run(setups, tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "paper: test 1, simulation 0.98" in printed
     assert (out / "table-2-baseline.png").is_file()
+    monkeypatch.setattr("sys.argv", ["third.py", *few, "--cycles", "10", "--clearance", "5"])
+    third.main()
+    assert "bed 0: eta" in capsys.readouterr().out
+    assert (out / "third.png").is_file()
     monkeypatch.setattr(sensitivity, "changes", lambda spec, clearance: list(_few(sensitivity, spec)))
     monkeypatch.setattr("sys.argv", ["sensitivity.py", *few])
     sensitivity.main()

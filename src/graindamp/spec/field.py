@@ -156,7 +156,7 @@ class StopSpec(Spec):
     """Size of eta below which its error is held to that of this value [-], > 0."""
     min_cycles: int = Field(default=12, ge=8)
     """Cycles before a run may end, >= 8."""
-    max_cycles: int = Field(default=250, ge=8)
+    max_cycles: int = Field(default=40, ge=8)
     """Cycles after which a run ends although the tolerance is not reached, >= 8; its status then says so."""
 
     @model_validator(mode="after")
