@@ -62,6 +62,13 @@ def message(app, *words):
 
 
 @pytest.mark.slow
+def test_intrinsic_damping_above_what_was_measured_is_told(app, repeats):
+    result = run(app, *repeats, "--intrinsic", "90 %", "--json")
+    assert "intrinsic is 90 %, but Ψ is smaller at " in result.stderr
+    assert not run(app, *repeats, "--intrinsic", "0.3 %", "--json").stderr
+
+
+@pytest.mark.slow
 def test_repeats_to_a_report(app, repeats, tmp_path):
     out = tmp_path / "out"
     options = ["--clearance", "4.95 mm", "--particle-mass", "3.52 g", "--structure-mass", "131 g"]

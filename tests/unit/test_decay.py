@@ -173,6 +173,11 @@ def test_start_and_end_can_be_given():
     assert 1.46 < found.located.extremes.time[-1] <= 1.5
 
 
+def test_a_start_after_the_end_of_the_record():
+    with pytest.raises(InputError, match=r"start is 50 s, but the record has [\d.]+ s"):
+        analysed(ring(), start=50.0)
+
+
 # Pieces ----------------------------------------------------------------------------------------------------------
 
 

@@ -92,7 +92,14 @@ def examine(spec: DecaySpec, folder: Path, progress: Callable[[str], None] = lam
             f"the records oscillate at {min(found):.4g} to {max(found):.4g} Hz; are they repeats of one test? Say "
             "which mode is meant with the frequency of the method"
         )
-    return Decays(spec, tuple(results), combine(results, spec.bins), tuple(warnings))
+    curve = combine(results, spec.bins)
+    below = int(np.count_nonzero(curve.psi < spec.intrinsic))
+    if below:
+        warnings.append(
+            f"intrinsic is {100 * spec.intrinsic:g} %, but Ψ is smaller at {below} of {len(curve.psi)} amplitudes, and "
+            f"{100 * float(np.nanmin(curve.psi)):.3g} % at the least: what is left for the particles is negative there"
+        )
+    return Decays(spec, tuple(results), curve, tuple(warnings))
 
 
 def _with_own_labels(records: Sequence[Any]) -> list[Any]:

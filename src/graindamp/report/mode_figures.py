@@ -246,7 +246,10 @@ def _slice(run: "Run", offset: float) -> _Slice:
     seen = np.isfinite(layers).all(axis=3) & (met >= RARE * field.n_cycle) & near
     number = np.where(seen, met, 0).sum(axis=2)
     if not number.any():
-        raise InputError(f"no particle at {1e3 * offset:g} mm beside the middle plane; choose a smaller offset")
+        raise InputError(
+            f"cells of {1e3 * field.cell:g} mm at {1e3 * offset:g} mm beside the middle plane are visited by fewer "
+            f"than {RARE:g} particles a cycle; choose larger cells in [run.velocity_field], or a smaller offset"
+        )
     weight = np.where(seen, met, 0)[..., None]
     mean = np.sum(weight * np.where(seen[..., None], layers, 0.0), axis=2) / np.maximum(number, 1)[..., None] / unit
     mean = np.where(number[..., None] > 0, mean, np.nan)

@@ -97,6 +97,9 @@ def locate(
         InputError: fewer than :data:`LEAST_PEAKS` peaks.
     """
     rate = record.sampling_rate
+    duration = len(record.motion) / rate
+    if method.start is not None and method.start >= duration:
+        raise InputError(f"{record.source}: start is {method.start:g} s, but the record has {duration:.4g} s")
     looked_at = record.motion if filtered is None else filtered
     per_cycle = rate / frequency
     window = local.window_of(method.peaks, per_cycle)
