@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from courses import WINDOW, Course, course
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from setups import load, small, with_contact, with_lid_at
 
 from graindamp.dem.packing import pack
@@ -46,31 +47,41 @@ def runs(
     return found
 
 
+def over(one: Course, first: int) -> float:
+    """Mean loss factor from a cycle to the last that the paper simulates [-]."""
+    return float(np.mean(one.cycle_loss_factor[first:PAPER_CYCLES]))
+
+
 def line_of(one: Course) -> str:
     """A line of the table for one bed."""
-    whole = float(np.mean(one.cycle_loss_factor[:PAPER_CYCLES]))
-    early = float(np.mean(one.cycle_loss_factor[WINDOW:PAPER_CYCLES]))
     return (
         f"{one.label:12s} Gamma {one.intensity:2.0f} bed {one.seed}: eta {one.loss_factor:6.3f} +- "
         f"{one.loss_factor_se:5.3f}{'' if one.is_steady else ' (drifts)'} after {one.n_skipped} of "
-        f"{len(one.cycle_loss_factor)} cycles, {early:5.3f} over cycles {WINDOW} to {PAPER_CYCLES}, "
-        f"{whole:5.3f} over the first {PAPER_CYCLES}; "
+        f"{len(one.cycle_loss_factor)} cycles, {over(one, WINDOW):5.3f} over cycles {WINDOW} to {PAPER_CYCLES}, "
+        f"{over(one, 0):5.3f} over the first {PAPER_CYCLES}; "
         f"held {one.held}; solid fraction {one.solid_fraction:.3f}, clearance {1e3 * one.clearance:.2f} mm, "
         f"travel {1e3 * one.travel:.2f} mm"
     )
 
 
 def summary(name: str, intensity: float, found: list[Course]) -> str:
-    """Mean over the beds beside the paper's values."""
+    """Means over the beds beside the paper's values: of the steady cycles, and of those that the paper simulates."""
     eta = np.array([one.loss_factor for one in found])
     inner = float(np.sqrt(np.mean([one.loss_factor_se**2 for one in found])))
-    spread = float(eta.std(ddof=1)) if len(eta) > 1 else inner
+    early, whole = (np.array([over(one, first) for one in found]) for first in (WINDOW, 0))
     told = PUBLISHED.get((name, intensity))
     paper = "not compared" if told is None else f"test {told[0]:g}, simulation {told[1]:g}"
     return (
-        f"{name:12s} Gamma {intensity:2.0f}: eta {eta.mean():6.3f} +- {max(spread, inner) / np.sqrt(len(eta)):5.3f}, "
-        f"from {eta.min():.3f} to {eta.max():.3f} over {len(eta)} beds; paper: {paper}"
+        f"{name:12s} Gamma {intensity:2.0f}: eta {_with_error(eta, inner)}, from {eta.min():.3f} to {eta.max():.3f} "
+        f"over {len(eta)} beds; {_with_error(early, inner)} over cycles {WINDOW} to {PAPER_CYCLES}, "
+        f"{_with_error(whole, inner)} over the first {PAPER_CYCLES}; paper: {paper}"
     )
+
+
+def _with_error(eta: NDArray[np.float64], inner: float) -> str:
+    """Mean over beds and its standard error, that of one run where their scatter is smaller or unknown."""
+    spread = float(eta.std(ddof=1)) if len(eta) > 1 else inner
+    return f"{eta.mean():6.3f} +- {max(spread, inner) / np.sqrt(len(eta)):5.3f}"
 
 
 def courses_figure(found: list[Course]) -> Figure:

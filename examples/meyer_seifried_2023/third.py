@@ -74,8 +74,8 @@ def third_figure(found: list[Centre]) -> Figure:
         speed.set_xlabel("cycle")
         speed.set_xticks(np.arange(math.ceil(cycle[0]), cycle[-1] + 0.5))
     panels[0, 0].set_ylabel("bed's centre in the container [mm]")
-    panels[1, 0].set_ylabel("speed at rest [m/s]")
-    panels[1, 0].legend(fontsize=8, loc="lower left")
+    panels[1, 0].set_ylabel("speed in the frame at rest [m/s]")
+    figure.legend(*panels[1, 0].get_legend_handles_labels(), fontsize=8, ncols=2, loc="outside lower center")
     return figure
 
 

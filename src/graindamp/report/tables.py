@@ -150,7 +150,8 @@ def points_table(points: Sequence[OperatingPoint], states: Sequence[int] | None 
             "status",
         ),
         rows,
-        "± is one standard error over cycles, with their correlation, drift and phase error.",
+        "± is one standard error over cycles, with their correlation, drift and phase error. Energy and power are "
+        "relatively as uncertain as η.",
     )
 
 
@@ -186,7 +187,8 @@ def field_table(field: xr.Dataset) -> Table:
             *("energy [mJ/cycle]", "power [W]", "status"),
         ),
         rows,
-        f"{field.attrs.get('source', '')}. ± is one standard error{_of_one_bed(field)}."
+        f"{field.attrs.get('source', '')}. ± is one standard error{_of_one_bed(field)}. Energy and power are "
+        "relatively as uncertain as η."
         + (" Other: the second answer of a point that depends on where the bed started." if second else ""),
     )
 
