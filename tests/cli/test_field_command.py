@@ -157,7 +157,9 @@ def test_points_of_another_field_are_left_aside(undrawn, tmp_path):
     assert "the plan ended before its accuracy was reached" in result.stderr
     points = tmp_path / "x.points.nc"
     kept = points.read_bytes()
-    assert call("show", tmp_path / "x.nc", "--figure", tmp_path / "x.png").stderr == ""
+    alone = call("show", tmp_path / "x.nc", "--figure", tmp_path / "x.png").stderr
+    assert "left aside" not in alone
+    assert "add [bed_study]" in alone
     project(tmp_path)
     done("field", path, "-o", tmp_path / "x.nc", "--executor", "serial")
     assert not points.exists()

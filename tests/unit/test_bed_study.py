@@ -108,7 +108,7 @@ def test_a_study_runs_other_beds_and_widens_the_field(tmp_path):
     with Store(tmp_path / "s") as opened:
         before = run_field(alone, opened, Serial(), how=by_bed)
         found = run_field(spec, opened, Serial(), how=by_bed)
-        assert found.n_point == 12 + 9
+        assert found.n_point == 12 + 6
         assert found.n_computed == 6  # the first bed's are those of the field
         exported = field_in_store(described(spec, None), opened)
         again = run_field(spec, opened, Serial(), how=by_bed)
@@ -184,3 +184,85 @@ def test_what_readers_of_a_field_are_told():
     assert "10.0 ± 5.0 % for η" in table.note
     assert bed_document(known)["study"]["scatter"]["loss_factor"]["value"] == pytest.approx(0.1)
     assert bed_document(field)["study"] is None
+
+
+def test_a_scatter_as_small_as_the_errors_of_the_runs_is_known_as_badly_as_that():
+    """Beds without scatter and runs with errors of 2 %: the pooled value is 0 or what chance leaves, and its error is
+    about as large as its root mean square over many studies."""
+    rng = np.random.default_rng(2)
+    pooled = [study_of_values(*(0.5 + 0.01 * rng.normal(size=(4, 3))), se=0.01).pooled[0] for _ in range(300)]
+    values, errors = np.array(pooled).T
+    assert np.any(values == 0.0)
+    assert np.all(errors > 0.0)
+    assert 0.5 < np.mean(errors) / np.sqrt(np.mean(values**2)) < 2.0
+
+
+def test_a_value_of_one_bed_of_three_has_the_scatter_of_one(tmp_path):
+    def lost(task, start):
+        result = by_bed(task, start)._replace(loss_factor_se=1e-3)
+        if task.seed > 0 and (task.frequency, task.intensity) == (100, 20):
+            return result._replace(
+                loss_factor=math.nan, effective_mass_ratio=math.nan, status=int(Status.PARTICLE_LOST)
+            )
+        return result
+
+    spec = field_spec(seeds=3, bed_study=STUDY | {"points": [[50, 1], [200, 5]]})
+    with Store(tmp_path / "s") as opened:
+        found = run_field(spec, opened, Serial(), how=lost).field
+    scatter = bed_study_of(found).pooled[0].value
+    one = found.sel(frequency=100, intensity=20)
+    assert int(one["n_beds"]) == 1
+    assert int(found["n_beds"].max()) == 3
+    assert float(one["loss_factor_se"]) == pytest.approx(math.hypot(1e-3, scatter * float(one["loss_factor"])))
+
+
+def test_a_run_that_fails_costs_a_study_one_bed(tmp_path):
+    def failing(task, start):
+        if task.seed == 1 and task.frequency == 100:
+            raise InputError("does not fit")
+        return by_bed(task, start)
+
+    with Store(tmp_path / "s") as opened:
+        found = run_field(field_spec(bed_study=STUDY), opened, Serial(), how=failing)
+        exported = field_in_store(described(field_spec(bed_study=STUDY), None), opened)
+    assert len(bed_study_of(found.field).points) == 3
+    for run in (found, exported):
+        assert "bed study: 1 of 9 runs have no result; it is made of the others" in run.warnings
+        assert run.failures == ("100 Hz, 20, bed 1: does not fit",)
+        assert run.n_point == 18
+    assert bed_remarks(found.field) == ()
+
+
+def test_a_study_without_values_is_not_asked_for_again(tmp_path):
+    def failing(task, start):
+        if task.seed > 0:
+            raise InputError("does not fit")
+        return by_bed(task, start)
+
+    with Store(tmp_path / "s") as opened:
+        found = run_field(field_spec(bed_study=STUDY), opened, Serial(), how=failing)
+    (remark,) = bed_remarks(found.field)
+    assert "no point with values of two" in remark
+    assert "add" not in remark
+
+
+def test_an_adaptive_plan_that_asks_for_more_than_beds_have_in_common(tmp_path):
+    pytest.importorskip("sklearn")
+    plan = {"kind": "adaptive", "frequency_range": [50, 200], "intensity_range": [1, 40], "max_points": 8}
+    plan |= {"start_frequencies": 2, "start_intensities": 2, "accuracy": 0.05}
+    with Store(tmp_path / "s") as opened:
+        found = run_field(field_spec(plan, bed_study=STUDY), opened, Serial(), how=by_bed)
+        alone = run_field(field_spec(plan), opened, Serial(), how=by_bed)
+    assert any(
+        "beds of this description differ by 10 %, more than the accuracy of 5 %" in text for text in found.warnings
+    )
+    assert np.all(found.field["loss_factor_se"] >= 0.1 * np.abs(found.field["loss_factor"]) * (1 - 1e-9))
+    assert "add [bed_study]" in bed_remarks(alone.field)[0]
+
+
+def test_the_last_that_a_campaign_tells_is_of_its_field(tmp_path):
+    seen = []
+    with Store(tmp_path / "s") as opened:
+        run_field(field_spec(bed_study=STUDY), opened, Serial(), how=by_bed, watch=seen.append)
+    assert any(outlook.stage == "bed study" for outlook in seen)
+    assert (seen[-1].stage, seen[-1].n_point) == ("from rest", 12)

@@ -263,6 +263,21 @@ def test_a_store_that_is_none_is_not_made_by_asking(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_somebody_elses_points_are_no_store(tmp_path):
+    (tmp_path / "points" / "run1").mkdir(parents=True)
+    (tmp_path / "notes.txt").write_text("mine")
+    for create, message in ((False, "is no store"), (True, "other files")):
+        with pytest.raises(InputError, match=message):
+            Store(tmp_path, create=create)
+    assert {path.name for path in tmp_path.iterdir()} == {"points", "notes.txt"}
+
+
+def test_a_store_without_its_index_is_still_one(tmp_path):
+    Store(tmp_path / "s").close()
+    (tmp_path / "s" / "index.sqlite").unlink()
+    Store(tmp_path / "s", create=False).close()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [("PRAGMA user_version = 99", "version 99"), ("PRAGMA application_id = 7", "another program")],

@@ -48,6 +48,9 @@ def test_a_point_is_a_whole_simulation():
         ({"plan": {"kind": "list", "points": [[100, 1]]}, "hysteresis": "intensity"}, "needs neighbours"),
         ({"stop": {"min_cycles": 40, "max_cycles": 20}}, "more than max_cycles"),
         ({"softening_study": {"points": [[100, 1]], "factors": [10, 1]}}, "factors must ascend"),
+        ({"softening_study": {"points": [[100, 1], ["100 Hz", 1]], "factors": [1, 10]}}, "there twice"),
+        ({"bed_study": {"points": [[100, 1], [100, 1]]}}, "there twice"),
+        ({"bed_study": {"points": [[100, 1]], "seeds": 1}}, "seeds"),
         (
             {"plan": {"kind": "adaptive", "frequency_range": [50, 40], "intensity_range": [1, 2]}},
             "frequency_range must ascend",

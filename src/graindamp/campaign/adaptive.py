@@ -137,13 +137,13 @@ class SurrogateSource:
         """The points that take away most of what the errors are above the asked ones, for their cost."""
         from graindamp.campaign.consolidate import Answer, field_of
         from graindamp.field.adaptive import candidates, is_accurate, learned_cost, next_points
-        from graindamp.field.schema import places_of
+        from graindamp.field.schema import damper_of, places_of
         from graindamp.field.surrogate import Surrogate
 
         plan, floor = self._plan, self._spec.stop.floor
         points = field_of(self._spec, {place: [Answer(one) for one in found] for place, found in results})
         try:
-            surrogate = Surrogate(points, self._clearance)
+            surrogate = Surrogate(points, damper_of(points).get("clearance", self._clearance))
         except InputError:  # too few, or all in one line
             return self._spread([place for place, _ in results], running, n_point)
         ranges = plan.frequency_range, plan.intensity_range

@@ -57,6 +57,8 @@ def field_of(spec: FieldSpec, answers: Mapping[Place, Sequence[Answer]], backend
     values = {name: np.array([row[name] for row in columns]).reshape(shape) for name in columns[0]}
     if spec.hysteresis == "none":
         values = {name: value for name, value in values.items() if "_other" not in name}
+    if spec.seeds == 1:
+        values = {name: value for name, value in values.items() if not name.startswith("n_beds")}
     if np.all(values["motion_mode"] == UNKNOWN_MODE):
         del values["motion_mode"]
     first = [answer.rest for place in places for answer in answers.get(place, ()) if answer.rest is not None]
@@ -93,6 +95,8 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
             answer.particle_steps + (answer.rest.particle_steps if answer.rest else 0.0) for answer in answers
         ),
         "n_cycles": sum(one.n_cycles for one in first),
+        "n_beds": len(first),
+        "n_beds_other": len(second),
         "solid_fraction": _mean([one.solid_fraction for one in good]),
         "motion_mode": _mode(first),
         "status": _status(answers, good, bool(second)),

@@ -1,8 +1,9 @@
 """A field by simulation: from its description, over the runs of all its points, to the effective field."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,7 +22,7 @@ from graindamp.campaign.softening import evaluate, study_tasks
 from graindamp.campaign.store import Store
 from graindamp.campaign.work import Measure
 from graindamp.errors import InputError
-from graindamp.field.beds import widened
+from graindamp.field.beds import BedStudy, widened
 from graindamp.field.schema import GRID as GRID_DIMENSIONS
 from graindamp.field.schema import damper_of, places_of
 from graindamp.spec.field import AdaptivePlan, FieldSpec, GridPlan, logarithmic
@@ -54,6 +55,8 @@ class FieldRun(NamedTuple):
     """Runs that ended without a usable value, with their reasons. The same run would end so again."""
     verdict: "Verdict | None" = None
     """Of an adaptive plan: how accurate its field is predicted to be."""
+    is_ended: bool = True
+    """False for what a store holds so far, where more may come."""
 
 
 def run_field(
@@ -98,8 +101,7 @@ def run_field(
     try:
         if isinstance(spec.plan, AdaptivePlan):
             field = run_adaptive(field, runner, source)
-        outcome = _outcome(field, runner)
-        return _studied(outcome, field, runner, watch)
+        return _outcome(field, runner, watch)
     except BaseException:
         store.release()
         raise
@@ -133,16 +135,17 @@ def field_in_store(field: StoredField, store: Store) -> FieldRun:
         return {task.key: results[task.key] for task in asked if task.key in results}
 
     answers = _answers(field, fetch)
+    points = field_of(field.spec, answers, field.backend)
+    predicted, verdict = _predicted(field.spec, points)
+    run = FieldRun(predicted, points, 0, 0, (), (), _lost(answers), verdict, is_ended=False)
+    run = _with_studies(run, field, lambda _: fetch)
     failures = [
         f"{task.frequency:g} Hz, {task.intensity:g}, bed {task.seed}: {entries[key].reason}"
         for key, task in tasks.items()
         if key in entries and entries[key].state == "failed"
     ]
-    points = field_of(field.spec, answers, field.backend)
-    predicted, verdict = _predicted(field.spec, points)
-    warnings = tuple(store.warnings)
-    run = FieldRun(predicted, points, len(tasks), 0, tuple(failures), warnings, _lost(answers), verdict)
-    return _with_studies(run, field, lambda _: fetch)
+    warnings = (*store.warnings, *run.warnings)
+    return run._replace(n_point=len(tasks), failures=tuple(failures), warnings=warnings)
 
 
 def rest_tasks(field: StoredField) -> list[PointTask]:
@@ -150,17 +153,37 @@ def rest_tasks(field: StoredField) -> list[PointTask]:
     return tasks_at(field, _places(field))
 
 
-def _outcome(field: StoredField, runner: Runner) -> FieldRun:
+def _outcome(field: StoredField, runner: Runner, watch: Watch | None) -> FieldRun:
+    """The field with its studies."""
     answers = _answers(field, runner.run, runner)
-    failures = reasons(runner.failures)
     if not any(answer.rest is not None and not answer.rest.failed for row in answers.values() for answer in row):
-        why = "\n".join([*failures, *_lost(answers)][:10])
+        why = "\n".join([*reasons(runner.failures), *_lost(answers)][:10])
         raise InputError(f"{field.spec.title}: not one point has a usable value\n{why}")
     points = field_of(field.spec, answers, field.backend)
-    warnings = tuple(runner.store.warnings)
     predicted, verdict = _predicted(field.spec, points)
-    counts = runner.n_point, runner.n_computed
-    return FieldRun(predicted, points, *counts, tuple(failures), warnings, _lost(answers), verdict)
+    run = FieldRun(predicted, points, 0, 0, (), (), _lost(answers), verdict)
+    # Points of studies are no part of the map: they have a runner of their own.
+    own = runner.outlook()
+    aside = Runner(
+        runner.store,
+        runner.executor,
+        runner.how,
+        None if watch is None else lambda outlook: watch(outlook._replace(places=own.places)),
+    )
+
+    def fetch_for(stage: str) -> Fetch:
+        aside.stage = stage
+        return aside.run
+
+    run = _with_studies(run, field, fetch_for)
+    if watch is not None and aside.n_point:
+        watch(own)
+    return run._replace(
+        n_point=len(runner.keys | aside.keys),
+        n_computed=runner.n_computed + aside.n_computed,
+        failures=tuple(reasons(runner.failures | aside.failures)),
+        warnings=(*runner.store.warnings, *run.warnings),
+    )
 
 
 def _lost(answers: Mapping[Place, Sequence[Answer]]) -> tuple[str, ...]:
@@ -203,70 +226,67 @@ def _predicted(spec: FieldSpec, points: xr.Dataset) -> tuple[xr.Dataset, "Verdic
     return predicted, verdict
 
 
-def _studied(run: FieldRun, field: StoredField, runner: Runner, watch: Watch | None) -> FieldRun:
-    """The same with its studies, whose points are no part of the map."""
-    places = runner.outlook().places
-    aside = Runner(
-        runner.store,
-        runner.executor,
-        runner.how,
-        None if watch is None else lambda outlook: watch(outlook._replace(places=places)),
-    )
+class _NoResult(NamedTuple):
+    """Stands for the result of a task that has none."""
 
-    def fetch_for(stage: str) -> Fetch:
-        aside.stage = stage
-        return aside.run
-
-    run = _with_studies(run, field, fetch_for)
-    failures = (*run.failures, *reasons(aside.failures))
-    n_point, n_computed = runner.n_point + aside.n_point, runner.n_computed + aside.n_computed
-    return run._replace(n_point=n_point, n_computed=n_computed, failures=failures)
+    loss_factor: float = math.nan
+    loss_factor_se: float = math.nan
+    effective_mass_ratio: float = math.nan
+    effective_mass_ratio_se: float = math.nan
 
 
 def _with_studies(run: FieldRun, field: StoredField, fetch_for: Callable[[str], Fetch]) -> FieldRun:
-    """The same with the studies that are asked for, or a warning where results are missing."""
+    """The same with the studies that are asked for, from as many of their runs as there are, and what to know of
+    them."""
     spec, where, backend = field.spec, field.where, field.backend
+    told = list(run.warnings)
     if spec.softening_study is not None:
-        run, results = _looked_up(run, "softening study", study_tasks(spec, where, backend), fetch_for)
-        if results is not None:
-            study = evaluate(spec, lambda task: results[task.key], where, backend)
-            lost = len(spec.softening_study.points) - len(study.points)
-            run = _without(run, "softening study", lost, len(spec.softening_study.points), "at two softenings")
-            if study.points:
-                for dataset in (run.field, run.points):
-                    dataset.attrs["softening_study"] = study.dump()
+        name = "softening study"
+        result_of = _looked_up(name, study_tasks(spec, where, backend), fetch_for, told)
+        study = evaluate(spec, result_of, where, backend)
+        _tell_lost(name, len(spec.softening_study.points), len(study.points), "at two softenings", told)
+        if study.points:
+            for dataset in (run.field, run.points):
+                dataset.attrs["softening_study"] = study.dump()
     if spec.bed_study is not None:
-        run, found = _looked_up(run, "bed study", bed_tasks(spec, where, backend), fetch_for)
-        if found is not None:
-            beds = compare(spec, lambda task: found[task.key], where, backend)
-            lost = len(spec.bed_study.points) - len(beds.points)
-            run = _without(run, "bed study", lost, len(spec.bed_study.points), "of two beds")
-            if beds.points:
-                wide = widened(run.points, beds, spec.seeds)
-                whole = wide if run.field is run.points else widened(run.field, beds, spec.seeds)
-                run = run._replace(field=whole, points=wide)
-    return run
+        name = "bed study"
+        beds = compare(spec, _looked_up(name, bed_tasks(spec, where, backend), fetch_for, told), where, backend)
+        _tell_lost(name, len(spec.bed_study.points), len(beds.points), "of two beds", told)
+        if beds.points:
+            wide = widened(run.points, beds, spec.seeds)
+            whole = wide if run.field is run.points else widened(run.field, beds, spec.seeds)
+            run = run._replace(field=whole, points=wide)
+            _tell_scatter(spec, beds, told)
+    return run._replace(warnings=tuple(told))
 
 
 def _looked_up(
-    run: FieldRun, name: str, tasks: Sequence[Sequence[PointTask]], fetch_for: Callable[[str], Fetch]
-) -> tuple[FieldRun, Mapping[str, PointResult] | None]:
-    """Results of the tasks of a study; None and a warning where some are missing."""
+    name: str, tasks: Sequence[Sequence[PointTask]], fetch_for: Callable[[str], Fetch], told: list[str]
+) -> Callable[[PointTask], Any]:
+    """Gives the results of the tasks of a study; NaN for those that are missing, which is told."""
     asked = [task for row in tasks for task in row]
     results = fetch_for(name)(asked)
     missing = sum(task.key not in results for task in asked)
-    if not missing:
-        return run, results
-    text = f"{name}: {missing} of {len(asked)} runs are missing; it is left out of the field"
-    return run._replace(warnings=(*run.warnings, text)), None
+    if missing:
+        told.append(f"{name}: {missing} of {len(asked)} runs have no result; it is made of the others")
+    return lambda task: results.get(task.key, _NoResult())
 
 
-def _without(run: FieldRun, name: str, lost: int, asked: int, needed: str) -> FieldRun:
-    """The same with a warning if points of a study had to be left out."""
-    if not lost:
-        return run
-    text = f"{name}: {lost} of {asked} points left out, which have no values {needed}"
-    return run._replace(warnings=(*run.warnings, text))
+def _tell_lost(name: str, asked: int, found: int, needed: str, told: list[str]) -> None:
+    if found < asked:
+        told.append(f"{name}: {asked - found} of {asked} points left out, which have no values {needed}")
+
+
+def _tell_scatter(spec: FieldSpec, beds: BedStudy, told: list[str]) -> None:
+    """Whether an adaptive plan asks for more than beds of one description have in common."""
+    if not isinstance(spec.plan, AdaptivePlan) or beds.pooled is None:
+        return
+    scatter = max(part.value for part in beds.pooled) / math.sqrt(spec.seeds)
+    if scatter > spec.plan.accuracy:
+        told.append(
+            f"beds of this description differ by {100 * scatter:.2g} %, more than the accuracy of "
+            f"{100 * spec.plan.accuracy:g} % that the plan asks for: more points do not help, more seeds do"
+        )
 
 
 def _answers(field: StoredField, fetch: Fetch, runner: Runner | None = None) -> dict[Place, list[Answer]]:

@@ -64,6 +64,11 @@ class Runner:
         self._told = self._looked = -np.inf
 
     @property
+    def keys(self) -> set[str]:
+        """Of all tasks entered so far."""
+        return set(self._tasks)
+
+    @property
     def n_point(self) -> int:
         """Tasks entered so far [-]."""
         return len(self._tasks)
@@ -130,7 +135,12 @@ class Runner:
             if len(self._running) >= self.executor.n_worker:
                 return
             task = self._todo.get(key)
-            if task is None or key in self._elsewhere:
+            if task is None or key in self._elsewhere or task.start in self._todo:
+                continue  # where its start is computed again, it comes after that
+            if task.start is not None and task.start in self._running.values():
+                continue
+            if task.start is not None and task.start in self.failures:
+                self._give_up(key, f"the run that it starts from failed: {self.failures[task.start].reason}")
                 continue
             if not self.store.claim(key):
                 self._elsewhere.add(key)  # what it is there, the next look tells

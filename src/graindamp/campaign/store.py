@@ -28,8 +28,11 @@ LEASE = 120.0
 """Seconds without a sign of life after which the points of a campaign may be taken over."""
 BEAT = 15.0
 """Seconds between signs of life."""
+LAST_BEAT = 5.0
+"""Seconds that the end of a campaign waits for its last sign of life, so that nothing is open afterwards."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _OLD_DRAFT = 600.0
+_PARTS = ("points", "fields", "owners", "index.sqlite")
 
 
 class Store:
@@ -54,6 +57,7 @@ class Store:
         self.folder = folder
         self.warnings: list[str] = []
         self._owner: Owner | None = None
+        self._beating: threading.Thread | None = None
         self._stop = threading.Event()
         self._find(create)
         with alone(folder / "owners" / "opening"):  # SQLite does not wait where two make one file a WAL database
@@ -80,6 +84,8 @@ class Store:
                 self._index.release(self._owner.name)
             self._owner.leave()
             self._owner = None
+        if self._beating is not None:
+            self._beating.join(LAST_BEAT)
         self._index.close()
 
     def path(self, key: str) -> Path:
@@ -162,12 +168,14 @@ class Store:
     def _find(self, create: bool) -> None:
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"{self.folder}: is a file; a store is a folder")
-        has_content = self.folder.is_dir() and any(self.folder.iterdir())
+        content = {path.name for path in self.folder.iterdir()} if self.folder.is_dir() else set()
         # After the look at the content: another campaign may be making the store, and "points" is what it makes first.
-        is_store = (self.folder / "points").is_dir() or (self.folder / "index.sqlite").exists()
+        is_store = (self.folder / "index.sqlite").exists() or (
+            (self.folder / "points").is_dir() and all(name.startswith(_PARTS) for name in content)
+        )
         if not is_store and not create:
             raise InputError(f"{self.folder}: is no store; give the folder that 'graindamp field' has made")
-        if not is_store and has_content:
+        if not is_store and content:
             raise InputError(f"{self.folder}: is a folder with other files; give an empty or new one for the store")
         try:
             for part in ("points", "fields", "owners"):
@@ -228,7 +236,8 @@ class Store:
             owner = Owner(self.folder / "owners")
         except OSError as error:
             raise self.trouble(self.folder, error) from None
-        threading.Thread(target=self._beat, args=(owner.name,), daemon=True).start()
+        self._beating = threading.Thread(target=self._beat, args=(owner.name,), daemon=True)
+        self._beating.start()
         return owner
 
     def _beat(self, owner: str) -> None:

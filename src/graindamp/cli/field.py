@@ -113,9 +113,9 @@ def _asked_for(
     known = known_field(store, field)
     name = chosen(*backend, None if known is None else known.backend, alone=kind in ALONE)
     usual = BATCH
-    if is_device(name) and spec.plan.kind == "adaptive":
+    if spec.plan.kind == "adaptive":
         begun = known is not None and known.backend == name and known.spec.plan.kind == "adaptive"
-        usual = known.batch if known is not None and begun else 0
+        usual = known.batch if known is not None and begun else 0 if is_device(name) else BATCH
     return field._replace(backend=name, batch=batch or usual)
 
 
@@ -211,8 +211,8 @@ def _check_resumable(store: "Store", field: "StoredField") -> None:
         )
     if not known.is_same(field):
         raise InputError(
-            f"--resume: {field.project} or the back end is not what the campaign in {store.folder} was begun with; "
-            "undo the changes, or leave --resume out: points that are the same are used again"
+            f"--resume: {field.project}, --batch or the back end is not what the campaign in {store.folder} was begun "
+            "with; undo the changes, or leave --resume out: points that are the same are used again"
         )
 
 

@@ -16,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from graindamp.errors import InputError
+from graindamp.field.schema import is_asked_for
 
 Real = NDArray[np.float64]
 
@@ -70,30 +71,41 @@ class BedStudy(NamedTuple):
 
     def scatters(self, k: int) -> tuple[float, float]:
         """Scatter of eta and of m' at point `k` beyond the errors of the runs, over the loss factor [-]."""
+        whole, within = self._variances(k)
+        eta, mass = np.sqrt(np.maximum(whole - within, 0.0)).tolist()
+        return eta, mass
+
+    def _variances(self, k: int) -> tuple[Real, Real]:
+        """Variances at point `k` over the square of the loss factor, of the values and within the runs; (2,) each, of
+        eta and of m'."""
         one = self.points[k]
         size = max(abs(float(np.nanmean(one.loss_factor))), self.floor)
-        found = []
+        whole, within = [], []
         for name in NAMES:
             value, error = getattr(one, name), getattr(one, f"{name}_se")
             known = np.isfinite(value)
-            within = np.where(np.isfinite(error), error, 0.0)[known]
-            found.append(float(np.var(value[known], ddof=1) - np.mean(within**2)) / size**2)
-        return math.sqrt(max(found[0], 0.0)), math.sqrt(max(found[1], 0.0))
+            whole.append(float(np.var(value[known], ddof=1)))
+            within.append(float(np.mean(np.where(np.isfinite(error), error, 0.0)[known] ** 2)))
+        return np.array(whole) / size**2, np.array(within) / size**2
 
     @property
     def pooled(self) -> tuple[Scatter, Scatter] | None:
         """Scatter of eta and m' over all points at which the beds move alike; None if there is no such point.
 
-        The mean of the variances; its error is that of the variance of so many normal deviates.
+        From the mean of the variances less those within the runs. The variance of values that n - 1 degrees of freedom
+        tell has the relative error sqrt(2 / (n - 1)); that of the difference is taken to the scatter.
         """
         alike = [k for k, parted in enumerate(self.are_parted) if not parted]
         if not alike:
             return None
-        weight = np.array([np.isfinite(self.points[k].loss_factor).sum() - 1 for k in alike], float)
-        each = np.array([self.scatters(k) for k in alike])
-        value = np.sqrt(weight @ each**2 / weight.sum())
-        share = 1.0 / math.sqrt(2.0 * weight.sum())
-        first, second = (Scatter(float(part), share * float(part)) for part in value)
+        free = np.array([np.isfinite(self.points[k].loss_factor).sum() - 1 for k in alike], float)
+        whole, within = (free @ np.array(part) / free.sum() for part in zip(*map(self._variances, alike), strict=True))
+        value = np.sqrt(np.maximum(whole - within, 0.0))
+        error = np.sqrt(2.0 / free.sum()) * whole
+        least = np.sqrt(error)  # of a scatter near 0, whose square may be anything up to its error
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.where(value > 0.0, np.minimum(error / (2.0 * value), least), least)
+        first, second = (Scatter(float(v), float(e)) for v, e in zip(value, error, strict=True))
         return first, second
 
     def dump(self) -> str:
@@ -153,13 +165,13 @@ def bed_study_of(field: xr.Dataset, where: str = "field") -> BedStudy | None:
 def widened(field: xr.Dataset, study: BedStudy, seeds: int) -> xr.Dataset:
     """The field with the study, and with errors that contain the scatter of beds.
 
-    With one bed the scatter is added in squares. Errors of several beds have seen their scatter, but from few values:
-    they become no smaller than the pooled scatter over the root of their number.
+    To the error of a value of one bed the scatter is added in squares. Errors of several beds have seen their scatter,
+    but from few values: they become no smaller than the pooled scatter over the root of their number.
 
     Args:
         field: an effective field; left as it is.
         study: of its beds.
-        seeds: number of beds that every point is the mean of.
+        seeds: number of beds that a value is the mean of, where the field does not say (n_beds, n_beds_other).
     """
     found = field.copy()
     found.attrs = field.attrs | {"bed_study": study.dump()}
@@ -169,9 +181,11 @@ def widened(field: xr.Dataset, study: BedStudy, seeds: int) -> xr.Dataset:
         for end in ("", "_other"):
             if f"{name}{end}_se" not in field:
                 continue
-            size = np.maximum(np.abs(field[f"loss_factor{end}"].to_numpy()), study.floor)
-            of_beds, told = scatter.value * size / math.sqrt(seeds), field[f"{name}{end}_se"]
-            wide = (np.hypot if seeds == 1 else np.maximum)(told.to_numpy(), of_beds)
+            told = field[f"{name}{end}_se"]
+            error, eta = told.to_numpy(), field[f"loss_factor{end}"].to_numpy()
+            beds = np.asarray(field.get(f"n_beds{end}", seeds))
+            of_mean = scatter.value * np.maximum(np.abs(eta), study.floor) / np.sqrt(np.maximum(beds, 1))
+            wide = np.where(beds <= 1, np.hypot(error, of_mean), np.maximum(error, of_mean))
             found[f"{name}{end}_se"] = (told.dims, wide, told.attrs)
     return found
 
@@ -180,14 +194,16 @@ def bed_remarks(field: xr.Dataset) -> tuple[str, ...]:
     """What a reader must be told of the beds behind a field's errors, a sentence each."""
     study = bed_study_of(field)
     if study is None:
-        if field.attrs.get("source") != "simulated" or field.attrs.get("seeds") != 1:
+        if field.attrs.get("seeds") != 1:
             return ()
-        return (
-            "errors are those within the run of one bed, other beds differ by more: add [bed_study] to the project of "
-            "the field, with a point for each kind of motion, or seeds = 3",
-        )
+        told = "errors are those within the run of one bed, other beds differ by more: "
+        if is_asked_for(field, "bed_study"):
+            return (told + "the study of the beds has no point with values of two of them",)
+        more = "add [bed_study] to the project of the field, with a point for each kind of motion, or seeds = 3"
+        return (told + more,)
     parted = [
-        f"{one.frequency:g} Hz, {one.intensity:g} g (η {', '.join(f'{v:.3g}' for v in one.loss_factor)})"
+        f"{one.frequency:g} Hz, {one.intensity:g} g "
+        f"(η {', '.join(f'{v:.3g}' for v in one.loss_factor if math.isfinite(v))})"
         for one, is_parted in zip(study.points, study.are_parted, strict=True)
         if is_parted
     ]

@@ -48,6 +48,8 @@ TABLE: dict[str, Variable] = {
     "effective_mass_ratio_other": Variable("1", "effective mass ratio of the second answer, NaN elsewhere", False),
     "loss_factor_other_se": Variable("1", "standard error of the second answer's loss factor", False),
     "effective_mass_ratio_other_se": Variable("1", "standard error of the second answer's mass ratio", False),
+    "n_beds": Variable("1", "beds that the value is the mean of", False, "int"),
+    "n_beds_other": Variable("1", "beds that the second answer is the mean of, 0 where there is none", False, "int"),
     "solid_fraction": Variable("1", "solid fraction of the packed bed", False),
     "motion_mode": Variable("1", "motion mode, -1 where it is unknown", False, "int"),
     "loss_share_normal": Variable("1", "share of normal damping between particles in all that is dissipated", False),
@@ -156,6 +158,14 @@ def damper_of(field: xr.Dataset) -> dict[str, Any]:
     """Description of the damper a field belongs to; empty if none was kept."""
     description: dict[str, Any] = json.loads(field.attrs.get("damper", "{}"))
     return description
+
+
+def is_asked_for(field: xr.Dataset, name: str) -> bool:
+    """Whether the description that a field keeps, if it keeps one, has a table of this name."""
+    try:
+        return json.loads(field.attrs.get("spec", "{}")).get(name) is not None
+    except (AttributeError, TypeError, ValueError):
+        return False
 
 
 def check(field: xr.Dataset, where: str = "field") -> None:

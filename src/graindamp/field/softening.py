@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from graindamp.errors import InputError
-from graindamp.field.schema import places_of
+from graindamp.field.schema import is_asked_for, places_of
 
 Real = NDArray[np.float64]
 
@@ -223,6 +223,10 @@ def softening_remarks(field: xr.Dataset) -> tuple[str, ...]:
         return ()
     told = f"contacts softened by {softening:g}"
     if study is None:
+        if is_asked_for(field, "softening_study"):
+            return (
+                f"{told}, and the error of that is not known: its study has no point with values at two softenings",
+            )
         return (
             f"{told}, and the error of that is not known: add [softening_study] to the project of the field, with a "
             "point for each kind of motion",

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from graindamp.couple.cosimulate import CoRun
 from graindamp.report.figures import COLORS
 from graindamp.report.ledger import LOSSES
+from graindamp.report.wording import verbatim
 from graindamp.units import STANDARD_GRAVITY
 
 
@@ -19,10 +20,10 @@ def motion(run: CoRun, points: Sequence[str]) -> Figure:
     for k, (axes, point) in enumerate(zip(panels, points, strict=False)):
         axes.plot(run.time, 1e3 * run.displacement(point), color=COLORS[k % len(COLORS)], lw=0.8)
         axes.set_ylabel("displacement [mm]")
-        axes.set_title(point, fontsize=9, loc="left")
+        axes.set_title(verbatim(point), fontsize=9, loc="left")
     for number, (carried, mass) in enumerate(zip(run.case.dampers, run.bed_mass, strict=True)):
         along = run.force[:, number] @ np.asarray(carried.direction)
-        label = f"{carried.point}, {1e3 * mass:.4g} g"
+        label = f"{verbatim(carried.point)}, {1e3 * mass:.4g} g"
         panels[-1].plot(run.time, along, color=COLORS[number % len(COLORS)], lw=0.6, label=label)
     panels[-1].set_ylabel("force of the bed [N]")
     panels[-1].set_xlabel("time t [s]")

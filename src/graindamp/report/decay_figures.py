@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from graindamp.report.figures import COLORS, log_axis
+from graindamp.report.wording import verbatim
 from graindamp.signals.decay import Decay, mass_normalised
 from graindamp.signals.decay_repeats import Curve
 from graindamp.signals.record import MotionKind
@@ -61,7 +62,7 @@ def decays(results: Sequence[Decay]) -> Figure:
             fontsize=8,
         )
         whole.set_ylabel(label)
-        whole.set_title(result.record.label, fontsize=9, loc="left")
+        whole.set_title(verbatim(result.record.label), fontsize=9, loc="left")
         beginning.set_title(f"its first {CYCLES_SHOWN} cycles", fontsize=9, loc="left")
     for axes in panels[-1]:
         axes.set_xlabel("time t [s]")
@@ -97,7 +98,7 @@ def damping(
     for axes, (scale, label) in zip(panels, scales, strict=True):
         for k, result in enumerate(results):
             values = factor * (result.cycles.psi_average - intrinsic)
-            name = result.record.label if len(results) > 1 else "cycles"
+            name = verbatim(result.record.label) if len(results) > 1 else "cycles"
             color = COLORS[k % len(COLORS)]
             axes.plot(
                 scale * result.cycles.displacement, values, "o", color=color, ms=3.5, alpha=0.55, mew=0, label=name

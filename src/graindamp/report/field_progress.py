@@ -21,6 +21,7 @@ from graindamp.report.field_pictures import Picture
 from graindamp.report.figures import log_axis
 from graindamp.report.page import table_html
 from graindamp.report.tables import Table
+from graindamp.report.wording import verbatim
 from graindamp.units import STANDARD_GRAVITY
 
 DRAW_EVERY = 5.0
@@ -76,7 +77,7 @@ def progress_map(outlook: Outlook, title: str) -> Figure:
         _strokes(axes, outlook.clearance)
         figure.colorbar(mappable, ax=axes).set_label(label)
     panels[0].set_ylabel("excitation intensity Γ [-]")
-    figure.suptitle(f"{title}\n{line_of(outlook)}", fontsize=10)
+    figure.suptitle(f"{verbatim(title)}\n{line_of(outlook)}", fontsize=10)
     return figure
 
 
@@ -160,7 +161,7 @@ class FieldProgress:
     def __call__(self, outlook: Outlook) -> None:
         """Show the state, if it is time to."""
         now = time.monotonic()
-        shown = repr(outlook.places)  # no NaN is equal to another
+        shown = repr((outlook.stage, outlook.n_done, outlook.places))  # no NaN is equal to another
         self._last = outlook
         if self._status is not None:
             self._status.update(line_of(outlook))

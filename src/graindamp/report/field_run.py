@@ -75,7 +75,7 @@ def run_document(run: FieldRun, target: Path, store: Store) -> dict[str, Any]:
 def warnings_of(run: FieldRun, store: Path) -> list[str]:
     """All that a user is told of a field beside where it is: of the store, of softened contacts, of accuracy, of runs
     without a value and failures."""
-    told = [*run.warnings, *remarks_on(run.points), *_statuses(run.points), *_shortfall(run.verdict)]
+    told = [*run.warnings, *remarks_on(run.points), *_statuses(run.points), *_shortfall(run)]
     told += _listed("no value", run.lost)
     if run.failures:
         retry = f"'graindamp campaign retry {store}' queues them again; then give the same command"
@@ -102,10 +102,13 @@ def _statuses(points: xr.Dataset) -> list[str]:
     return [f"{counts[str(bit.name)]} of {n} points {bit.name}: {REMEDY[bit]}" for bit in bits]
 
 
-def _shortfall(verdict: "Verdict | None") -> list[str]:
-    """How far an adaptive plan that came to its limits is from the accuracy that was asked for."""
+def _shortfall(run: FieldRun) -> list[str]:
+    """How far an adaptive plan that came to its limits, or is not done, is from the accuracy that was asked for."""
+    verdict = run.verdict
     if verdict is None or verdict.is_accurate:
         return []
+    if not run.is_ended:
+        return [f"so far {accuracy_text(verdict)}"]
     more = "raise its limit of points, cost or time to go on"
     return [f"the plan ended before its accuracy was reached: {accuracy_text(verdict)}; {more}"]
 

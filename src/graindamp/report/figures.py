@@ -19,6 +19,7 @@ from graindamp.errors import InputError
 from graindamp.field.interpolate import Interpolant
 from graindamp.field.schema import damper_of, is_grid
 from graindamp.field.store import table_of
+from graindamp.report.wording import verbatim
 from graindamp.signals.power import OperatingPoint
 from graindamp.status import FATAL, Status
 from graindamp.units import STANDARD_GRAVITY
@@ -116,7 +117,8 @@ def field_map(
     if twofold.any():
         panels[0].legend(loc="upper right", fontsize=8, labelcolor="white", facecolor="#555555")
     mass = f"bed {1e3 * field.attrs['bed_mass']:.4g} g"
-    figure.suptitle(f"{title or damper.get('name') or 'effective field'} ({mass}; {field.attrs.get('source', '')})")
+    told = f"{title or damper.get('name') or 'effective field'} ({mass}; {field.attrs.get('source', '')})"
+    figure.suptitle(verbatim(told))
     return figure
 
 

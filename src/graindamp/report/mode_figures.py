@@ -27,6 +27,7 @@ from graindamp.field.schema import damper_of, places_of
 from graindamp.report.figures import COLORS, log_axis
 from graindamp.report.ledger import LOSSES, ledger_of
 from graindamp.report.motion_picture import RARE, Scene, headline, stage_of, velocity_amplitude_of, view_of
+from graindamp.report.wording import verbatim
 from graindamp.signals.motion_modes import NAMES, MotionMode
 from graindamp.status import FATAL
 from graindamp.units import STANDARD_GRAVITY
@@ -106,7 +107,7 @@ def mode_map(
         for mode in present
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(title or damper.get("name") or "effective field", fontsize=11)
+    figure.suptitle(verbatim(title or damper.get("name") or "effective field"), fontsize=11)
     figure.draw_without_rendering()  # places the panels, so that the slope of the lines is known
     stroke_lines(upper, clearance, "white")
     stroke_lines(lower, clearance, "black")

@@ -25,6 +25,7 @@ from PIL import Image
 
 from graindamp.errors import InputError
 from graindamp.report.outline import cut, wall_triangles
+from graindamp.report.wording import verbatim
 from graindamp.signals.simulated import nominal_intensity_of
 from graindamp.spec.motion import HarmonicMotion
 from graindamp.spec.simulation import SimulationSpec
@@ -173,7 +174,7 @@ def velocity_amplitude_of(spec: SimulationSpec) -> float | None:
 
 def headline(spec: SimulationSpec, clearance: float | None) -> str:
     """What every picture of a run says: name, frequency, intensity, stroke and clearance."""
-    words = [spec.damper.name]
+    words = [verbatim(spec.damper.name)]
     gamma = nominal_intensity_of(spec)
     if gamma is not None and spec.base_frequency is not None:
         stroke = 9.80665 * gamma / (2.0 * np.pi * spec.base_frequency) ** 2

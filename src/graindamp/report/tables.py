@@ -195,8 +195,6 @@ def field_table(field: xr.Dataset) -> Table:
 
 def _of_one_bed(field: xr.Dataset) -> str:
     """What errors of a simulated field tell of other beds."""
-    if field.attrs.get("source") != "simulated":
-        return ""
     if "bed_study" in field.attrs:
         return ", the scatter of beds included"
     return " within the run of one bed; other beds differ by more" if field.attrs.get("seeds") == 1 else ""

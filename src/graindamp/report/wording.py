@@ -23,6 +23,11 @@ def with_error(value: float, error: float, unit: str = "", scale: float = 1.0) -
     return f"{value:.{digits}f} ± {error:.{digits}f}{tail}"
 
 
+def verbatim(text: str) -> str:
+    """What a user has named something, for a figure, where a dollar sign would begin a formula."""
+    return text.replace("$", r"\$")
+
+
 def plain(value: float, digits: int = 3, unit: str = "") -> str:
     """A number to some digits with its unit; a dash for NaN, words for infinity."""
     if math.isnan(value):

@@ -1,6 +1,7 @@
 """Description of a field to simulate: a damper, the operating points, and how well each is to be known."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
@@ -101,11 +102,7 @@ class ListPlan(Spec):
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
-        seen = set()
-        for f, gamma in self.points:
-            if (f, gamma) in seen:
-                raise InputError(f"the point {f:g} Hz, {gamma:g} is there twice; keep one")
-            seen.add((f, gamma))
+        _check_differ(self.points)
         return self
 
 
@@ -177,7 +174,8 @@ class SofteningSpec(Spec):
     less. Each costs time steps in proportion to its power -0.4 (linear law: -0.5)."""
 
     @model_validator(mode="after")
-    def _ascends(self) -> Self:
+    def _sensible(self) -> Self:
+        _check_differ(self.points)
         if any(b <= a for a, b in pairwise(self.factors)):
             raise InputError(f"factors must ascend without repeats, given {', '.join(f'{v:g}' for v in self.factors)}")
         return self
@@ -191,6 +189,17 @@ class BedSpec(Spec):
     motion, away from where a bounce may be lost."""
     seeds: int = Field(default=3, ge=2, le=100)
     """Beds of the same description that every point is simulated with, 2 to 100."""
+
+    @model_validator(mode="after")
+    def _differ(self) -> Self:
+        _check_differ(self.points)
+        return self
+
+
+def _check_differ(points: Sequence[tuple[float, float]]) -> None:
+    for k, (f, gamma) in enumerate(points):
+        if (f, gamma) in points[:k]:
+            raise InputError(f"the point {f:g} Hz, {gamma:g} is there twice; keep one")
 
 
 def _plan(value: Any) -> Any:
