@@ -1,3 +1,4 @@
+import csv
 import json
 import math
 
@@ -155,6 +156,23 @@ def test_the_study_survives_the_disk(tmp_path, suffix):
     read = bed_study_of(read_field(tmp_path / f"field{suffix}"))
     assert read.dump() == study.dump()
     assert read.pooled == study.pooled
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_the_study_survives_a_spreadsheet(tmp_path, delimiter):
+    """Which cuts the head at commas, fills every row up to the length of the longest, and quotes what needs it."""
+    field = widened(constant_field(), study_of_values([0.9, 1.0, math.nan], [0.2, 0.21, 0.22]), 1)
+    field.attrs |= {"seeds": 1, "softening": 10.0}
+    write_field(field, tmp_path / "field.csv")
+    with open(tmp_path / "field.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    longest = max(map(len, rows))
+    with open(tmp_path / "saved.csv", "w", newline="", encoding="utf-8") as file:
+        csv.writer(file, delimiter=delimiter).writerows([*row, *[""] * (longest - len(row))] for row in rows)
+    read = read_field(tmp_path / "saved.csv")
+    assert bed_study_of(read).dump() == bed_study_of(field).dump()
+    assert (read.attrs["seeds"], read.attrs["softening"]) == (1, 10)
+    np.testing.assert_array_equal(read["loss_factor_se"], field["loss_factor_se"])
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The effective field: schema, disk, interpolation."""
 
+import io
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -276,3 +278,9 @@ def test_bounds_contain_every_value(seed, u, v, size, where):
         low, high = getattr(bounds, name)
         assert (getattr(values, name) >= low - 1e-9).all()  # rounding of exp and log
         assert (getattr(values, name) <= high + 1e-9).all()
+
+
+def test_dollar_signs_in_names_are_no_formulas():
+    figure = field_map(constant_field(), title="jar for $5 and $h_{1 $")
+    figure.savefig(io.BytesIO(), format="png")
+    assert any("$5" in part.get_text() for part in figure.texts) or "$5" in figure.get_suptitle()

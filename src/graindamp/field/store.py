@@ -223,12 +223,11 @@ def _split_csv(path: Path) -> tuple[dict[str, str], list[str], list[tuple[int, l
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a readable text file ({error})") from None
-    header: dict[str, str] = {}
+    heads: list[str] = []
     lines: list[tuple[int, str]] = []
     for number, line in enumerate(text.splitlines(), start=1):
-        if line.lstrip().startswith("#"):
-            key, _, value = line.lstrip("# ").partition("=")
-            header[key.strip().lower().replace(" ", "_")] = value.strip()
+        if line.lstrip(' "').startswith("#"):
+            heads.append(line)
         elif line.strip(" \t,;"):
             lines.append((number, line))
     if len(lines) < 2:
@@ -237,7 +236,19 @@ def _split_csv(path: Path) -> tuple[dict[str, str], list[str], list[tuple[int, l
     cells = [
         (number, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]) for number, line in lines
     ]
-    return header, cells[0][1], cells[1:]
+    return _header(heads, delimiter), cells[0][1], cells[1:]
+
+
+def _header(lines: list[str], delimiter: str) -> dict[str, str]:
+    """Entries "# name = value" of the head, also as a spreadsheet saves it: cut at commas, quoted, filled up with empty
+    cells."""
+    header = {}
+    for line in lines:
+        if line.lstrip().startswith('"'):
+            line = ",".join(next(csv.reader([line.strip()], delimiter=delimiter)))
+        key, _, value = line.strip(" \t,;").lstrip("# ").partition("=")
+        header[key.strip().lower().replace(" ", "_")] = value.strip()
+    return header
 
 
 def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]]) -> dict[str, NDArray[Any]]:
