@@ -75,6 +75,13 @@ LANDMARKS: dict[str, tuple[Landmark, ...]] = {
 }
 
 
+MERGED = (
+    "loss_factor", "loss_factor_se", "effective_mass_ratio", "effective_mass_ratio_se", "dissipated_energy", "power",
+    "particle_steps",
+)  # fmt: skip
+"""What a part of a field that was run again replaces."""
+
+
 def cost(name: str, field: xr.Dataset) -> str:
     """How many particle-steps a field took."""
     stiff = field["is_stiff"]
@@ -98,9 +105,10 @@ def rows(name: str, field: xr.Dataset) -> list[str]:
     return lines
 
 
-def robust(name: str, softened: xr.Dataset) -> str:
-    """How robust a damper is, by its softened field: `graindamp show --level 0.2` says the same."""
-    found = robustness(softened, 0.2)
+def robust(name: str, softened: xr.Dataset, field: xr.Dataset) -> str:
+    """How robust a damper is, as `graindamp show --level 0.2` says of a field; with the stiff values where there are
+    such."""
+    found = robustness(softened.assign({part: field[part] for part in MERGED if part in field}), 0.2)
     return (
         f"{name:14s} eta of 0.2 or more over {100 * found.share.value:.1f} +- {100 * found.share.error:.1f} % of the "
         f"range; d ln eta / d ln X below X_opt: mean {found.steepness.value:.2f} +- {found.steepness.error:.2f}, "
@@ -110,12 +118,12 @@ def robust(name: str, softened: xr.Dataset) -> str:
 
 def merged(softened: xr.Dataset, stiff: xr.Dataset | None) -> xr.Dataset:
     """A field with the values of a part of it that was run with stiffer contacts; `is_stiff` says where."""
-    names = ("loss_factor", "loss_factor_se", "effective_mass_ratio", "effective_mass_ratio_se", "particle_steps")
-    field = softened[list(names)]
+    names = [name for name in MERGED if name in softened]
+    field = softened[names]
     if stiff is None:
         return field.assign(is_stiff=xr.zeros_like(field["loss_factor"], bool))
     place = {"frequency": softened["frequency"], "intensity": softened["intensity"]}
-    found = stiff[list(names)].reindex(place, method="nearest", tolerance=1e-6)
+    found = stiff[names].reindex(place, method="nearest", tolerance=1e-6)
     there = found["loss_factor"].notnull()
     return found.where(there, field).assign(is_stiff=there)
 
@@ -175,7 +183,7 @@ def main() -> None:
             stiff = asked.out / f"{name}-stiff.nc"
             softened = read_field(file)
             fields[name] = merged(softened, read_field(stiff) if stiff.is_file() else None)
-            lines += [cost(name, fields[name]), robust(name, softened), *rows(name, fields[name])]
+            lines += [cost(name, fields[name]), robust(name, softened, fields[name]), *rows(name, fields[name])]
     print("\n".join(lines))
     if not fields:
         print("no fields yet; run without --no-run")

@@ -248,5 +248,9 @@ def test_values_that_are_not_available_are_said_not_to_be(setups, tmp_path):
     from table_2 import PUBLISHED, summary
 
     assert set(PUBLISHED) == {("baseline", 20.0), ("baseline", 40.0)}
-    blank = dict.fromkeys(Course._fields, 0) | {"loss_factor": 0.5, "loss_factor_se": 0.01}
+    blank = dict.fromkeys(Course._fields, 0) | {
+        "loss_factor": 0.5,
+        "loss_factor_se": 0.01,
+        "cycle_loss_factor": [0.5] * 25,
+    }
     assert "not compared" in summary("triple-cross", 40.0, [Course(**blank)])
