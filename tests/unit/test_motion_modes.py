@@ -306,7 +306,7 @@ def test_velocity_fields_share_a_scale(tmp_path):
     figure = mode_figures.velocity_fields({"one": run, "two": run}, offset=2e-3)
     assert [axes.get_title() for axes in figure.axes[:2]] == ["one", "two"]
     assert save(figure, tmp_path / "fields.png").stat().st_size > 10_000
-    with pytest.raises(InputError, match="no particle at 500 mm"):
+    with pytest.raises(InputError, match="at 500 mm beside the middle plane are visited by fewer than"):
         mode_figures.velocity_fields({"one": run}, offset=0.5)
     with pytest.raises(InputError, match="velocity field"):
         mode_figures.velocity_fields({"one": run._replace(velocity_field=None)})
