@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from graindamp.campaign.executors import executor_of
-from graindamp.campaign.hysteresis import distance
+from graindamp.campaign.hysteresis import SHARE_APART, distance
 from graindamp.campaign.point import PointResult, task_of
 from graindamp.campaign.run import run_field
 from graindamp.campaign.store import Store
@@ -86,7 +86,8 @@ def main() -> None:
         "100), `hysteresis = 'intensity'`, stop.tolerance 0.04, at most 80 cycles; graindamp "
         f"{version('graindamp')}. X_opt = h/π.",
         "First: η of the first cycle. Cycles: dropped + averaged. Distance: from the answer from rest, over what makes",
-        "two answers differ (three combined standard errors, and 5 % of max(η, 0.05)); they are two above 1.",
+        f"two answers differ (three combined standard errors, and {100 * SHARE_APART:g} % of max(η, 0.05)); they are",
+        "two above 1.",
         "",
         "| f [Hz] | Γ | X / X_opt | start | η | m′ | first | cycles | distance |",
         "| --: | --: | --: | --- | --: | --: | --: | --: | --: |",

@@ -34,6 +34,7 @@ class Status(IntFlag):
     BISTABLE = 16777216
     NOT_COMPUTED = 33554432
     NOT_COVERED = 67108864
+    IMPLAUSIBLE = 134217728
 
 
 FATAL = (
@@ -84,6 +85,7 @@ REMEDY: dict[Status, str] = {
     Status.BISTABLE: "the answer depends on where the bed started; both values are kept",
     Status.NOT_COMPUTED: "the point has not been computed; run the campaign on, or retry what failed",
     Status.NOT_COVERED: "the place lies outside the points that were simulated; add points there",
+    Status.IMPLAUSIBLE: "numbers of a size that no shaker and damper have; check units of channels and masses",
 }
 
 

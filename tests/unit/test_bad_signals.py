@@ -147,6 +147,19 @@ def test_reversed_force_is_not_passive():
     assert analyze(record._replace(force=-record.force), BED, 0.0).status & Status.NOT_PASSIVE
 
 
+def test_units_that_are_a_thousand_times_off_are_doubted():
+    record = good()
+    for changed, mass, told in (
+        (record._replace(motion=1e3 * record.motion), 0.0, "Gamma"),
+        (record._replace(force=1e-3 * record.force), 0.085, "nothing beside"),
+        (record, 85.0, "nothing beside"),
+    ):
+        point = analyze(changed, BED, mass)
+        assert point.status & Status.IMPLAUSIBLE
+        assert any(told in problem.text for problem in point.problems)
+    assert not analyze(record, BED, 0.085).status & Status.IMPLAUSIBLE
+
+
 @given(levels=st.integers(3, 2000), offset=st.floats(-0.5, 0.5), samples=st.floats(8, 400))
 @settings(max_examples=60, deadline=None)
 def test_a_coarse_converter_is_not_clipping(levels, offset, samples):

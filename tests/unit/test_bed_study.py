@@ -15,6 +15,7 @@ from graindamp.campaign.run import described, field_in_store, run_field
 from graindamp.campaign.store import Store
 from graindamp.errors import InputError
 from graindamp.field.beds import BedPoint, BedStudy, bed_remarks, bed_study_of, widened
+from graindamp.field.softening import study_of
 from graindamp.field.store import read_field, write_field
 from graindamp.report.document import bed_document
 from graindamp.report.study_tables import bed_table, tables_of
@@ -262,6 +263,18 @@ def test_a_study_without_values_is_not_asked_for_again(tmp_path):
     (remark,) = bed_remarks(found.field)
     assert "no point with values of two" in remark
     assert "add" not in remark
+
+
+def test_a_softening_study_knows_the_scatter_of_beds(tmp_path):
+    softening = {"points": POINTS, "factors": [1, 10, 100]}
+    with Store(tmp_path / "s") as opened:
+        alone = run_field(field_spec(softening_study=softening), opened, Serial(), how=by_bed).field
+        both = run_field(field_spec(softening_study=softening, bed_study=STUDY), opened, Serial(), how=by_bed).field
+    scatter = bed_study_of(both).pooled[0].value
+    for one, other in zip(study_of(alone).points, study_of(both).points, strict=True):
+        wide = np.hypot(one.loss_factor.standard_error, scatter * one.loss_factor.value)
+        np.testing.assert_allclose(other.loss_factor.standard_error, wide, rtol=1e-12)
+        np.testing.assert_array_equal(other.loss_factor.value, one.loss_factor.value)
 
 
 def test_an_adaptive_plan_that_asks_for_more_than_beds_have_in_common(tmp_path):

@@ -122,10 +122,10 @@ def test_points_of_a_list_and_several_beds(tmp_path):
 
 
 def test_answers_differ_by_errors_and_by_share():
-    """At eta = 0.5 they must be 0.025 apart, or 3 combined errors, whichever is more."""
+    """At eta = 0.5 they must be 0.2 apart, or 3 combined errors, whichever is more."""
     one = result_of(TASK, 0.5, error=0.001)
-    assert distance(one, result_of(TASK, 0.52, error=0.001)) == pytest.approx(0.02 / 0.025)
-    assert distance(one, result_of(TASK, 0.52, mass=0.6, error=0.001)) == pytest.approx(0.1 / 0.025)
+    assert distance(one, result_of(TASK, 0.52, error=0.001)) == pytest.approx(0.02 / 0.2)
+    assert distance(one, result_of(TASK, 0.52, mass=0.6, error=0.001)) == pytest.approx(0.1 / 0.2)
     assert distance(one, result_of(TASK, 0.6, error=0.1)) == pytest.approx(0.1 / (3 * math.hypot(0.1, 0.001)))
 
 

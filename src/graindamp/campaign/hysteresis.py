@@ -11,8 +11,9 @@ from graindamp.spec.field import FieldSpec, GridPlan
 
 ERRORS_APART = 3.0
 """Combined standard errors that two answers differ by, at least [-]."""
-SHARE_APART = 0.05
-"""Difference of two answers over max(eta, SMALLEST_ETA), at least [-]."""
+SHARE_APART = 0.4
+"""Difference of two answers over max(eta, SMALLEST_ETA), at least [-]. Beds wander by up to a tenth of eta, more slowly
+than the error of one run sees: two runs of one motion may be three times the root of two of that apart."""
 SMALLEST_ETA = 0.05
 
 Cell = tuple[int, int, int]

@@ -240,14 +240,7 @@ def _with_studies(run: FieldRun, field: StoredField, fetch_for: Callable[[str], 
     them."""
     spec, where, backend = field.spec, field.where, field.backend
     told = list(run.warnings)
-    if spec.softening_study is not None:
-        name = "softening study"
-        result_of = _looked_up(name, study_tasks(spec, where, backend), fetch_for, told)
-        study = evaluate(spec, result_of, where, backend)
-        _tell_lost(name, len(spec.softening_study.points), len(study.points), "at two softenings", told)
-        if study.points:
-            for dataset in (run.field, run.points):
-                dataset.attrs["softening_study"] = study.dump()
+    scatter = (0.0, 0.0)
     if spec.bed_study is not None:
         name = "bed study"
         beds = compare(spec, _looked_up(name, bed_tasks(spec, where, backend), fetch_for, told), where, backend)
@@ -257,6 +250,16 @@ def _with_studies(run: FieldRun, field: StoredField, fetch_for: Callable[[str], 
             whole = wide if run.field is run.points else widened(run.field, beds, spec.seeds)
             run = run._replace(field=whole, points=wide)
             _tell_scatter(spec, beds, told)
+        if beds.points and beds.pooled is not None:
+            scatter = beds.pooled[0].value, beds.pooled[1].value
+    if spec.softening_study is not None:
+        name = "softening study"
+        result_of = _looked_up(name, study_tasks(spec, where, backend), fetch_for, told)
+        study = evaluate(spec, result_of, where, backend, scatter)
+        _tell_lost(name, len(spec.softening_study.points), len(study.points), "at two softenings", told)
+        if study.points:
+            for dataset in (run.field, run.points):
+                dataset.attrs["softening_study"] = study.dump()
     return run._replace(warnings=tuple(told))
 
 

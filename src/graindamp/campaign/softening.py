@@ -50,7 +50,11 @@ def study_tasks(spec: FieldSpec, folder: Path | None = None, backend: str = CPU)
 
 
 def evaluate(
-    spec: FieldSpec, result_of: Callable[[PointTask], PointResult], folder: Path | None = None, backend: str = CPU
+    spec: FieldSpec,
+    result_of: Callable[[PointTask], PointResult],
+    folder: Path | None = None,
+    backend: str = CPU,
+    scatter: tuple[float, float] = (0.0, 0.0),
 ) -> SofteningStudy:
     """The study, from the results of its tasks; points with values at fewer than two softenings are left out.
 
@@ -59,6 +63,8 @@ def evaluate(
         result_of: gives the result of a task.
         folder: likewise.
         backend: likewise.
+        scatter: of beds beyond the errors of their runs, of eta and of m' over the loss factor [-], which every value
+            has too.
     """
     assert spec.softening_study is not None
     factors = np.array(spec.softening_study.factors)
@@ -68,6 +74,10 @@ def evaluate(
         results = [result_of(task) for task in tasks]
         groups = [results[k : k + spec.seeds] for k in range(0, len(results), spec.seeds)]
         columns = [_mean_of_seeds(groups, name) for name in ("loss_factor", "effective_mass_ratio")]
+        size = np.maximum(np.abs(columns[0][0]), spec.stop.floor) / math.sqrt(spec.seeds)
+        columns = [
+            (value, np.hypot(error, of_bed * size)) for (value, error), of_bed in zip(columns, scatter, strict=True)
+        ]
         if min(np.isfinite(value).sum() for value, _ in columns) >= 2:
             fits = [extrapolate(factors, value, error, chosen, power) for value, error in columns]
             points.append(StudiedPoint(f, gamma, *fits))

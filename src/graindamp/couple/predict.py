@@ -20,6 +20,7 @@ from graindamp.field.remarks import remarks_on
 from graindamp.field.store import read_field
 from graindamp.spec.project import AttachedSpec, IdealFieldSpec, ProjectSpec
 from graindamp.spec.structure import BeamSpec, PointMassSpec
+from graindamp.status import Status
 from graindamp.structure.build import modal_model_of, place_on
 from graindamp.structure.modal import ModalModel
 
@@ -222,9 +223,20 @@ def _softened(dampers: Sequence[AttachedSpec], fields: Sequence[xr.Dataset]) -> 
     """What is to be known of the softening of the fields, once for every field with the names of its dampers."""
     names: dict[tuple[str, str], list[str]] = {}
     for damper, field in zip(dampers, fields, strict=True):
-        for remark in remarks_on(field):
+        for remark in (*remarks_on(field), *_bistable(field)):
             names.setdefault((str(damper.field), remark), []).append(damper.name)
     return [f"field of {', '.join(named)}: {remark}" for (_, remark), named in names.items()]
+
+
+def _bistable(field: xr.Dataset) -> tuple[str, ...]:
+    """Whether points of a field have a second answer, which a prediction does not use."""
+    marked = (field["status"].to_numpy() & int(Status.BISTABLE)) != 0
+    if not marked.any():
+        return ()
+    return (
+        f"{int(marked.sum())} of {marked.size} points depend on where the bed started (BISTABLE); the first answer is "
+        "used, 'graindamp show' has the other",
+    )
 
 
 def _warnings(modes: Sequence[Sequence[ModePrediction]], model: ModalModel) -> list[str]:

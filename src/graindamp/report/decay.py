@@ -93,7 +93,7 @@ def examine(spec: DecaySpec, folder: Path, progress: Callable[[str], None] = lam
             "which mode is meant with the frequency of the method"
         )
     curve = combine(results, spec.bins)
-    below = int(np.count_nonzero(curve.psi < spec.intrinsic))
+    below = int(np.count_nonzero(curve.psi + 3.0 * curve.psi_error < spec.intrinsic))
     if below:
         warnings.append(
             f"intrinsic is {100 * spec.intrinsic:g} %, but Ψ is smaller at {below} of {len(curve.psi)} amplitudes, and "

@@ -138,7 +138,7 @@ def frequency(results: Sequence[Decay], curve: Curve) -> Figure:
         for k, result in enumerate(results):
             color = COLORS[k % len(COLORS)]
             values = scale * getattr(result.cycles, name)
-            label_of = result.record.label if len(results) > 1 else "cycles"
+            label_of = verbatim(result.record.label) if len(results) > 1 else "cycles"
             at = 1e3 * result.cycles.displacement
             axes.plot(at, values, "o", color=color, ms=3.5, alpha=0.5, mew=0, label=label_of)
         mean, error = scale * getattr(curve, name), scale * getattr(curve, f"{name}_error")

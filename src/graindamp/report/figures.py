@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from graindamp.couple.equilibrium import Equilibrium, holding_curve
@@ -168,15 +169,19 @@ def _stroke_lines(axes: Axes, field: xr.Dataset, clearance: float | None) -> Non
             axes.plot(line[inside], level[inside], style, color="white", lw=1.3)
             text = "X = h/π" if factor == 1 else f"{factor:g} h/π"
             k = np.flatnonzero(inside)[int(inside.sum() * 0.5)]
-            # Beside the end of the axes that is further away.
-            right = line[k] / f.min() < f.max() / line[k]
-            ha, va = ("left", "top") if right else ("right", "bottom")
-            axes.annotate(text, (line[k], level[k]), color="white", fontsize=8, rotation=50, ha=ha, va=va)
+            (left, right), (bottom, top), box = axes.get_xlim(), axes.get_ylim(), axes.get_window_extent()
+            angle = np.degrees(np.arctan2(2.0 * box.height / np.log(top / bottom), box.width / np.log(right / left)))
+            axes.annotate(
+                text, (line[k], level[k]), (-2, 2), textcoords="offset points", color="white", fontsize=8,
+                rotation=angle, rotation_mode="anchor", ha="center", va="bottom",
+                path_effects=[withStroke(linewidth=2.0, foreground="black", alpha=0.5)],
+            )  # fmt: skip
 
 
 def cycles(points: Sequence[OperatingPoint], columns: int = 5) -> Figure:
     """Loss factor and effective mass ratio of every cycle used, a panel per record."""
     shown = [point for point in points if point.n_cycle]
+    columns = min(columns, max(2, len(shown)))
     rows = max(1, -(-len(shown) // columns))
     figure = Figure(figsize=(2.6 * columns, 1.9 * rows + 0.3))
     grid = {
@@ -292,7 +297,9 @@ def mode_shapes(prediction: Prediction) -> Figure:
     for name, place in prediction.places.items():
         if isinstance(place, float):
             axes.axvline(place, ls="--", color="black", lw=0.9)
-            axes.annotate(f" {name}", (place, axes.get_ylim()[1]), rotation=90, va="top", ha="right", fontsize=8)
+            axes.annotate(
+                f" {verbatim(name)}", (place, axes.get_ylim()[1]), rotation=90, va="top", ha="right", fontsize=8
+            )
     axes.set(xlabel="position [m]", ylabel="shape φ [kg$^{-1/2}$]")
     axes.grid(True, alpha=0.25)
     figure.legend(fontsize=8, loc="outside lower center", ncols=len(prediction.modes[0]))

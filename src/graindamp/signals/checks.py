@@ -18,6 +18,8 @@ FREQUENCY_TOLERANCE = 0.005
 """A given frequency may differ by this share from that of the motion; clocks of generator and recorder never agree."""
 ORDER: dict[MotionKind, int] = {"velocity": 0, "acceleration": 1, "displacement": -1}
 """The power of i omega that makes the motion from the velocity."""
+LARGEST_INTENSITY, LARGEST_STROKE = 1000.0, 0.5
+"""Intensity [-] and displacement [m] above which the unit of a record is doubted."""
 DISTORTED, NOT_SINUSOIDAL = 0.05, 0.30
 """Share of the motion's velocity outside its fundamental above which it is flagged, or refused [-]."""
 

@@ -12,7 +12,7 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from graindamp.errors import InputError
-from graindamp.signals.checks import ORDER, clipped_share
+from graindamp.signals.checks import LARGEST_INTENSITY, LARGEST_STROKE, ORDER, clipped_share
 from graindamp.signals.decay_envelope import Envelope, Flat, flatten, hilbert_envelope, strongest_line
 from graindamp.signals.decay_errors import cycle_sensitivity, moving_average, spread
 from graindamp.signals.decay_peaks import Extremes, Located, locate
@@ -29,8 +29,6 @@ CONTAMINATED = 0.03
 """Amplitude of another line over that of the decay above which a record is flagged [-]."""
 FREQUENCY_AVERAGE = 5
 """Cycles over which the frequency is averaged that turns one amplitude into another."""
-LARGEST_INTENSITY, LARGEST_STROKE = 1000.0, 0.5
-"""Intensity [-] and displacement [m] above which the unit of a record is doubted."""
 
 
 class Cycles(NamedTuple):

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from graindamp.errors import InputError
 from graindamp.signals import fit
-from graindamp.signals.checks import ORDER, Problem, check_samples, check_shape, find_frequency
+from graindamp.signals.checks import (
+    LARGEST_INTENSITY,
+    LARGEST_STROKE,
+    ORDER,
+    Problem,
+    check_samples,
+    check_shape,
+    find_frequency,
+)
 from graindamp.signals.phase import EmptyRun, PhaseCalibration, calibrate
 from graindamp.signals.record import Record
 from graindamp.signals.steady import MIN_CYCLES, steady_mean, transient_length
@@ -26,6 +34,11 @@ NAN = float("nan")
 
 AMPLITUDE_SPREAD = 0.1
 """Range of the motion's amplitude over the cycles used, over its mean, above which it is flagged [-]."""
+
+
+LEAST_FORCE = 0.1
+"""Force over that of the empty container's inertia below which a unit is doubted [-]: a bed that takes away so much of
+it is not to be expected."""
 
 
 class Steady(NamedTuple):
@@ -198,12 +211,21 @@ def analyze(
             f"{phase_effect:.2g} ({100 * phase_effect / max(abs(eta), 1e-12):.0f} %, more than 5 %)"
         )
         problems.append(Problem(Status.PHASE_UNCERTAIN, text))
+    gamma, stroke = intensity(omega * size), size / omega
+    if gamma > LARGEST_INTENSITY or stroke > LARGEST_STROKE:
+        text = f"the container moves with Gamma = {gamma:.3g} and a stroke of {stroke:.3g} m"
+        problems.append(Problem(Status.IMPLAUSIBLE, f"{text}; is its unit right?"))
+    if abs(total) < LEAST_FORCE * container_mass:
+        text = (
+            f"the force is that of a mass of {abs(total):.3g} kg, nothing beside a container of {container_mass:.3g} kg"
+        )
+        problems.append(Problem(Status.IMPLAUSIBLE, f"{text}; are units and mass right?"))
     if eta < -3 * loss_error:
         problems.append(Problem(Status.NOT_PASSIVE, f"eta = {eta:.3g} +- {loss_error:.2g} is negative"))
     return OperatingPoint(
         label=record.label,
         frequency=record.frequency or steady.frequency,
-        intensity=intensity(omega * size),
+        intensity=gamma,
         nominal_intensity=record.nominal_intensity,
         velocity_amplitude=size,
         power=float(power[0]),
