@@ -334,12 +334,21 @@ def balances(prediction: Prediction) -> Figure:
                     color=COLORS[k % 8] if state.is_stable else "white",
                     mec=COLORS[k % 8],
                 )
+        if not np.isfinite(curve.force).any():
+            axes.text(0.5, 0.5, "no force is held", ha="center", va="center", transform=axes.transAxes, fontsize=8)
         axes.grid(True, alpha=0.3)
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            low, high = axis.get_view_interval()
+            if high < 50.0 * low:
+                log_axis(axis)
+            else:  # room for powers of ten only
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+                axis.set_minor_formatter(NullFormatter())
     for axes in panels[len(elastic) :]:
         axes.set_axis_off()
-    panels[0].legend(fontsize=7)
+    first = next((axes for axes in panels if axes.get_legend_handles_labels()[0]), None)
+    if first is not None:
+        first.legend(fontsize=7)
     figure.supxlabel("intensity Γ of the damper that moves most [-]", fontsize=9)
     figure.supylabel("force held at resonance [N]", fontsize=9)
     figure.suptitle("Energy balance (filled: stable, open: unstable)", fontsize=10)

@@ -126,6 +126,8 @@ def refine_frequency(motion: Real, sampling_rate: float, frequency: float, n_pas
         moving = size > 0.5 * np.median(size[size > 0.1 * size.max()])  # a record may start or end at rest
         middle = ((cycles.start[:-1] + cycles.start[1:]) / 2 / sampling_rate)[moving]
         phase = np.unwrap(np.angle(amplitude[moving]))
+        if len(middle) < 2:
+            break  # one cycle has no slope: the frequency stays as it is
         slope, offset = np.polyfit(middle, phase, 1)
         wander = float(np.abs(phase - slope * middle - offset).max())
         frequency += float(slope) / (2 * np.pi)

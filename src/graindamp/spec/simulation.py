@@ -324,8 +324,8 @@ class VelocityFieldSpec(Spec):
 class RunSpec(Spec):
     """How long and how finely a simulation runs."""
 
-    cycles: Annotated[Number, Field(gt=0)] | None = None
-    """Cycles of a periodic motion, > 0; default 25. Give it or duration."""
+    cycles: Annotated[Number, Field(gt=0, le=1e5)] | None = None
+    """Cycles of a periodic motion, > 0, at most 100000; default 25. Give it or duration."""
     duration: Duration | None = None
     """Time that the container moves [s], > 0; default: cycles, or the motion's own duration."""
     settle: DurationOrZero | None = None
@@ -348,8 +348,8 @@ class RunSpec(Spec):
     samples_per_cycle: int | None = Field(default=None, ge=8)
     """Samples per cycle of the recorded forces, >= 8, which still tell the third harmonic; default 200 for periodic
     motions."""
-    snapshots_per_cycle: int = Field(default=0, ge=0)
-    """Snapshots of all particles per cycle, >= 0; they cost memory and disk, 0 writes none."""
+    snapshots_per_cycle: int = Field(default=0, ge=0, le=1000)
+    """Snapshots of all particles per cycle, 0 to 1000; they cost memory and disk, 0 writes none."""
     velocity_field: VelocityFieldSpec | None = None
     """Averaged velocity field at one phase of the cycle; default: none."""
 
