@@ -75,8 +75,9 @@ def evaluate(
         groups = [results[k : k + spec.seeds] for k in range(0, len(results), spec.seeds)]
         columns = [_mean_of_seeds(groups, name) for name in ("loss_factor", "effective_mass_ratio")]
         size = np.maximum(np.abs(columns[0][0]), spec.stop.floor) / math.sqrt(spec.seeds)
+        wider = np.hypot if spec.seeds == 1 else np.maximum  # errors of several beds have seen their scatter
         columns = [
-            (value, np.hypot(error, of_bed * size)) for (value, error), of_bed in zip(columns, scatter, strict=True)
+            (value, wider(error, of_bed * size)) for (value, error), of_bed in zip(columns, scatter, strict=True)
         ]
         if min(np.isfinite(value).sum() for value, _ in columns) >= 2:
             fits = [extrapolate(factors, value, error, chosen, power) for value, error in columns]

@@ -123,7 +123,7 @@ def predict(project: ProjectSpec, folder: str | Path = ".", progress: Progress =
         tuple(_studies(project, model, dampers, folder, progress)),
         {name: place for name, place in _named_places(project, None).items() if name != OUTPUT},
         _shapes(project, folder),
-        (*_softened(project.dampers, fields), *_warnings(modes, model)),
+        (*_of_fields(project.dampers, fields), *_warnings(modes, model)),
     )
 
 
@@ -219,8 +219,8 @@ def _studies(
     return studies
 
 
-def _softened(dampers: Sequence[AttachedSpec], fields: Sequence[xr.Dataset]) -> list[str]:
-    """What is to be known of the softening of the fields, once for every field with the names of its dampers."""
+def _of_fields(dampers: Sequence[AttachedSpec], fields: Sequence[xr.Dataset]) -> list[str]:
+    """What is to be known of the fields, once for every field with the names of its dampers."""
     names: dict[tuple[str, str], list[str]] = {}
     for damper, field in zip(dampers, fields, strict=True):
         for remark in (*remarks_on(field), *_bistable(field)):

@@ -10,7 +10,7 @@ import graindamp
 from graindamp.couple.equilibrium import Equilibrium, ModeResult
 from graindamp.couple.predict import ModePrediction, Prediction, Study
 from graindamp.couple.response import Response, peaks
-from graindamp.field.beds import bed_remarks, bed_study_of
+from graindamp.field.beds import NAMES, bed_remarks, bed_study_of
 from graindamp.field.measured import Measurement
 from graindamp.field.robustness import Measured, Robustness
 from graindamp.field.schema import COORDINATES, TABLE, damper_of, is_grid
@@ -84,16 +84,10 @@ def bed_document(field: xr.Dataset) -> dict[str, Any]:
         told = json.loads(study.dump())
         parted = zip(told["points"], study.are_parted, strict=True)
         told["points"] = [one | {"beds_part": is_parted} for one, is_parted in parted]
-        pooled = study.pooled
-        names = ("loss_factor", "effective_mass_ratio")
-        told["scatter"] = (
-            None
-            if pooled is None
-            else {
-                name: {"value": part.value, "standard_error": part.error}
-                for name, part in zip(names, pooled, strict=True)
-            }
-        )
+        told["scatter"] = study.pooled and {
+            name: {"value": part.value, "standard_error": part.error}
+            for name, part in zip(NAMES, study.pooled, strict=True)
+        }
         document["study"] = told
     return document
 
